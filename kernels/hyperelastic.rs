@@ -27,7 +27,7 @@ use super::{Params, corner, mooney_rivlin, neo_hookean};
 use crate::math::wide::{Lanes, Packed};
 use crate::math::{M3, Number, Real, V3, V4, rotation_matrix};
 
-/// Text shared by the shaders of hyperelastic cells.
+/// Text shared by the shaders of hyperelastic laws.
 pub const WGSL: [&str; 5] = [
     super::deformation::WGSL,
     neo_hookean::WGSL,
@@ -110,9 +110,18 @@ impl<R: Real> Material<R> {
 }
 
 impl<N: Number> Material<N> {
+    /// Factor of the shear modulus on `tr ε 1` at small strain: that of isochoric laws.
+    #[inline(always)]
+    pub fn of_trace(&self) -> N {
+        match self.law {
+            Law::NeoHookean(mu) | Law::Holzapfel(mu, _) => mu.like(0.0),
+            Law::MooneyRivlin([c10, _]) => c10.like(-2.0 / 3.0),
+        }
+    }
+
     /// Shear modulus at small strain, Pa.
     #[inline(always)]
-    fn shear(&self) -> N {
+    pub fn shear(&self) -> N {
         match self.law {
             Law::NeoHookean(mu) | Law::Holzapfel(mu, _) => mu,
             Law::MooneyRivlin([c10, c01]) => c10.like(2.0) * (c10 + c01),
@@ -121,7 +130,7 @@ impl<N: Number> Material<N> {
 
     /// W' of a Gauss point, J/m³.
     #[inline(always)]
-    fn energy(&self, p: &Point<N>) -> N {
+    pub fn energy(&self, p: &Point<N>) -> N {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::energy(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::energy(c, p),
@@ -288,7 +297,7 @@ pub const STIFFENED: u32 = HYPERELASTIC;
 pub const NEWTON: u32 = HYPERELASTIC + 1;
 
 /// Largest factor.
-const STIFFEST: f64 = 1e6;
+pub(super) const STIFFEST: f64 = 1e6;
 
 /// Linearisation of a cell: `s R K' Rᵀ + c ⊗ c` and the stiffness of tension ([`super::linearised`]), with `K'` its stiffness at small strain
 /// less that of its mean volume ([`mean_volume`]).
@@ -331,7 +340,7 @@ impl<N: Number> Cell<N> {
             tension = self.tension(rotation, forces) / factor;
         }
         let tension = self.inverse * (one.like(0.25) * (eight * self.weight * tension / stiffening).sqrt());
-        let bulk = self.material.bulk * self.volume_stiffness();
+        let bulk = self.material.bulk * volume_stiffness(self.mean_dilatation);
         let scale = one.like(0.125) * (bulk / (eight * self.weight * stiffening)).sqrt();
         // sign pattern of ∂v/∂u along an axis: the column of Σ w cof F times −2/h
         let mut slope = M3::diagonal(V3::splat(zero));
@@ -341,15 +350,6 @@ impl<N: Number> Cell<N> {
         let [x, y, z] = (rotation.transpose() * (slope * (one.like(-2.0) * self.weight * scale))).0;
         let volume = [x * self.inverse.x, y * self.inverse.y, z * self.inverse.z];
         Linearised { stiffening, rows: Rows { volume, tension } }
-    }
-
-    /// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
-    /// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
-    #[inline(always)]
-    fn volume_stiffness(&self) -> N {
-        let [log, slope] = [log_volume(self.mean_dilatation)[0], log_volume_slope(self.mean_dilatation)];
-        let least = (log.like(0.6) - log.like(0.2) * log).max(log.like(0.1)).min(log.like(0.6));
-        log_volume_stiffness(self.mean_dilatation).max(least * slope * slope)
     }
 
     /// `τ` of [`Cell::linearised`], Pa.
@@ -396,7 +396,7 @@ impl<N: Number> Cell<N> {
             }
         }
         let uneven = (squares - one.like(0.125) * beyond.dot(beyond)).max(zero);
-        let volume = self.material.bulk / (one.like(24.0) * shear) * self.volume_stiffness() * uneven;
+        let volume = self.material.bulk / (one.like(24.0) * shear) * volume_stiffness(self.mean_dilatation) * uneven;
         let sheared = (-self.pressure() / (two * shear)).max(zero) * (longest / three).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
@@ -404,6 +404,21 @@ impl<N: Number> Cell<N> {
         let s = ((pressed + volume + sheared + fibrous) * strained).min(one.like(STIFFEST));
         one + (s - one) / factor
     }
+}
+
+/// `φ φ'` at a mean dilatation `J̄ − 1`.
+#[inline(always)]
+pub fn volume_pressure<N: Number>(mean: N) -> N {
+    log_volume(mean)[0] * log_volume_slope(mean)
+}
+
+/// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
+/// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
+#[inline(always)]
+pub fn volume_stiffness<N: Number>(mean: N) -> N {
+    let [log, slope] = [log_volume(mean)[0], log_volume_slope(mean)];
+    let least = (log.like(0.6) - log.like(0.2) * log).max(log.like(0.1)).min(log.like(0.6));
+    log_volume_stiffness(mean).max(least * slope * slope)
 }
 
 /// Stiffness of the mean volume of a box at rest by corner and axis, `κ V b ⊗ b` with the mean gradients `b`, N/m.

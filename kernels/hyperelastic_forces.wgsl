@@ -62,7 +62,7 @@ fn hyperelastic_forces(thread: Thread) {
         let point = cell_point(own, u, p);
         inverted = inverted || is_inverted(point);
         dilatations += point.dilatation;
-        sum += law_energy(own, point);
+        sum += law_energy(own.material, own.fibres, point);
         if params.corotational == STIFFENED {
             let f = identity() + point.h;
             let squared = contracted(f, f);
@@ -77,7 +77,7 @@ fn hyperelastic_forces(thread: Thread) {
             if own.material.w == HOLZAPFEL { fibrous = max(fibrous, holzapfel_stiffening(own.material.y, own.fibres, point)); }
         }
         let pushed = point.cofactor * own.weight;
-        let stress = law_stress(own, point) * own.weight;
+        let stress = law_stress(own.material, own.fibres, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
             volume_gradient[a] += pushed * gradient;

@@ -42,7 +42,7 @@ fn hyperelastic_tangent(thread: Thread) {
         let kirchhoff_pressure = pressure * jacobian;
         volume += own.weight * jacobian * relative_change;
         let crossed = log_gradient * transpose(change) * log_gradient;
-        let stress = (law_tangent(own, point, change)
+        let stress = (law_tangent(own.material, own.fibres, point, change)
             - crossed * kirchhoff_pressure + log_gradient * (kirchhoff_pressure * relative_change)) * own.weight;
         let pushed = point.cofactor * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {

@@ -31,6 +31,7 @@ pub mod gather;
 pub mod gathered;
 pub mod holzapfel;
 pub mod hyperelastic;
+pub mod hyperelastic_cells;
 pub mod hyperelastic_forces;
 pub mod hyperelastic_tangent;
 pub mod integrate;
@@ -58,10 +59,16 @@ pub mod springs_product;
 pub mod tetrahedra;
 pub mod tetrahedra_blocks;
 pub mod tetrahedra_centres;
+pub mod tetrahedra_changes;
+pub mod tetrahedra_deformations;
 pub mod tetrahedra_domains;
 pub mod tetrahedra_forces;
+pub mod tetrahedra_frames;
+pub mod tetrahedra_large;
+pub mod tetrahedra_laws;
 pub mod tetrahedra_means;
 pub mod tetrahedra_plain;
+pub mod tetrahedra_pressed;
 pub mod tetrahedra_pressures;
 pub mod tetrahedra_product;
 pub mod tetrahedra_rotations;
@@ -83,6 +90,9 @@ pub fn text(source: &Source) -> String {
         ("> split: array", &[split::WGSL][..]),
         ("> rotation: array", &[linearised::WGSL][..]),
         ("> material: array", &hyperelastic::WGSL[..]),
+        ("> material: array", &[hyperelastic_cells::WGSL]),
+        ("> laws: array", &hyperelastic::WGSL[..]),
+        ("read_write> cofactor: array", &[deformation::WGSL]),
         ("read> corner_force: array", &[collected::WGSL][..]),
         ("read> partial_residual: array", &[compensated::WGSL][..]),
         ("read_write> partial_gamma: array", &[columns::WGSL][..]),
@@ -148,10 +158,16 @@ pub const ALL: &[&Source] = &[
     &springs_product::SOURCE,
     &tetrahedra_blocks::SOURCE,
     &tetrahedra_centres::SOURCE,
+    &tetrahedra_changes::SOURCE,
+    &tetrahedra_deformations::SOURCE,
     &tetrahedra_domains::SOURCE,
     &tetrahedra_forces::SOURCE,
+    &tetrahedra_frames::SOURCE,
+    &tetrahedra_large::SOURCE,
+    &tetrahedra_laws::SOURCE,
     &tetrahedra_means::SOURCE,
     &tetrahedra_plain::SOURCE,
+    &tetrahedra_pressed::SOURCE,
     &tetrahedra_pressures::SOURCE,
     &tetrahedra_product::SOURCE,
     &tetrahedra_rotations::SOURCE,

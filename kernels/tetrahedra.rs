@@ -43,12 +43,30 @@ pub struct Arrays<R> {
     pub first_of_domain: Vec<u32>,
     /// Tetrahedra of each domain: 4 × tetrahedron.
     pub of_domain: Vec<u32>,
-    /// `[domain]` sum of the volumes, m³, and shear modulus, Pa.
+    /// `[domain]` sum of the volumes, m³, and shear modulus, Pa, or, of a hyperelastic law, layer.
     pub shear: Vec<[R; 2]>,
     /// `[tetrahedron × 6]` domains of each tetrahedron.
     pub domains: Vec<u32>,
     /// `[node × 2]` node's own block of the stiffness matrix at rest, N/m: xx xy xz yy; yz zz.
     pub rest_block: Vec<V4<R>>,
+    /// `[layer]` κ, two constants, Pa, and the code of a hyperelastic law ([`super::tetrahedra_laws`]), whose κ is the bulk modulus in
+    /// `gradients`; empty of small strains.
+    pub laws: Vec<V4<R>>,
+    /// Patches of plain elements of a hyperelastic law.
+    pub patches: Patches<R>,
+}
+
+/// What volumes of plain elements are averaged over: each tetrahedron is a patch of its own. Empty of smoothed elements, whose patches are nodes.
+#[derive(Clone, Debug, Default)]
+pub struct Patches<R> {
+    /// `[tetrahedron]` patches, all the same.
+    pub corners: Vec<[u32; 4]>,
+    /// `[patch + 1]` CSR offsets into `members`.
+    pub first: Vec<u32>,
+    /// 4 × tetrahedron.
+    pub members: Vec<u32>,
+    /// `[patch]` 1 / volume, 1/m³.
+    pub per_volume: Vec<R>,
 }
 
 /// Parts of the arrays that a cut has changed, each in ascending order; the lists of nodes and domains may have changed everywhere.

@@ -14,6 +14,7 @@ pub mod gpu;
 pub mod grid;
 mod loads;
 mod paths;
+mod places;
 mod refused;
 pub mod rigid;
 pub mod springs;
@@ -44,7 +45,6 @@ use crate::scene::{Anchor, Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
-use rayon::prelude::*;
 use springs::Springs;
 use tetrahedra::Tetrahedra;
 
@@ -87,6 +87,9 @@ pub type Moved<'a> = dyn Fn(usize) -> [V3<f64>; 2] + Sync + 'a;
 
 /// Whether a condition holds for an element of a layer with this deformation gradient.
 pub type Holds<'a> = dyn Fn(usize, M3<f64>) -> bool + 'a;
+
+/// An element, and the natural coordinates of a point in it, of cells 0 to 1.
+pub type Place = (usize, [f64; 3]);
 
 /// Whether a node stays in the system.
 pub type Stays<'a> = Box<dyn Fn(usize) -> bool + 'a>;
@@ -135,16 +138,32 @@ pub trait Mechanics {
     fn linearised(&self, model: &Model) -> bool;
     /// `[element]` rotations at the displacements of a state.
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
-    /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of all nodes of the cells
-    /// around, and of the stiffness damping (and the springs' own) at their velocities.
+    /// Nodes that internal forces at nodes depend on, both in ascending order: those of the cells around.
+    fn reached(&self, model: &Model, wound: &Wound, nodes: &[u32]) -> Vec<u32> {
+        places::reached(model, wound, nodes)
+    }
+    /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of the nodes that they reach,
+    /// and of the stiffness damping (and the springs' own) at their velocities.
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]>;
     /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
+    /// Present elements of one layer, between two layers of the upper one, that contain a rest position in the body's frame.
+    fn places(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
+        places::at(model, wound, point)
+    }
+    /// Nodes that strain and stress at places depend on, in ascending order.
+    fn reached_from(&self, _model: &Model, wound: &Wound, places: &[Place]) -> Vec<u32> {
+        places::corners(wound, places.iter().map(|(cell, _)| *cell))
+    }
+    /// Means over places, one or more, of the Green–Lagrange strain and the Cauchy stress, Pa.
+    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
+        places::means(model, wound, places, moved)
+    }
     /// `[cell]`, or `[tetrahedron]` of a mesh: Green–Lagrange strain and Cauchy stress, Pa, in the middle, at displacements `u`, `[node]` m;
     /// those of removed cells are 0.
     fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-        of_cells(model, wound, u)
+        places::in_the_middle(model, wound, u)
     }
     /// Factor of a cell on the stiffness of its layer, by inclusions.
     fn stiffness_factor(&self, _cell: usize) -> f64 {
@@ -187,19 +206,6 @@ pub trait Mechanics {
     /// # Errors
     /// If an array exceeds a limit of the adapter, or the scene's solver does not run on a device.
     fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>>;
-}
-
-/// [`Mechanics::strains_and_stresses`] of the cells of a grid.
-fn of_cells(model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-    let surface = &wound.surface;
-    let of_cell = |cell: usize| {
-        if !surface.alive[cell] {
-            return [M3::zero(); 2];
-        }
-        let u = surface.parts.corners(cell).map(|node| V3::from4(u[node]));
-        model.mechanics().strain_and_stress(model, cell, &u, [0.5; 3])
-    };
-    (0..surface.alive.len()).into_par_iter().map(of_cell).collect()
 }
 
 /// A deformable body.
@@ -336,11 +342,11 @@ impl Model {
                 springs::check(scene, body)?;
                 Kind::Springs(Box::default())
             }
-            Law::Fem { .. } if skin.law.is_tetrahedral() => {
+            Law::Fem { .. } | Law::LargeTetra { .. } if skin.law.is_tetrahedral() => {
                 tetrahedra::check(scene, body)?;
                 Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
             }
-            Law::Fem { .. } | Law::Hyperelastic(_) => {
+            Law::Fem { .. } | Law::Hyperelastic(_) | Law::LargeTetra { .. } => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
             }
         };

@@ -12,7 +12,7 @@ use super::text::{
     or_vector,
 };
 use super::words::{ELEMENTS, TETRAHEDRA};
-use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Skin, TetrahedralMesh};
+use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Material, Skin, TetrahedralMesh};
 use crate::math::elementary::cbrt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -225,27 +225,32 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     };
     if raw.mesh.is_some() && raw.embed.is_none() {
         let element = element("tetra", &TETRAHEDRA)?;
-        let of = |corotational| Law::Fem { element, corotational };
         let of_springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
         let name = or(raw.law.clone(), "corotational".to_string());
-        let known = [("corotational", of(true)), ("linear", of(false)), ("springs", of_springs)];
+        let known = [&hyperelastic::laws_of_tetrahedra(element)[..], &[("springs", of_springs)]].concat();
         let law = scene.choice("law", &name, &known)?;
         if !matches!(law, Law::Springs { .. }) {
             return Ok(law);
         }
-        let why = "law = \"springs\" has springs along the edges of the mesh; elements belong to \"corotational\" and \"linear\"";
+        let why = "law = \"springs\" has springs along the edges of the mesh; elements belong to the other laws";
         scene.needless("element", &raw.element, why)?;
         return network();
     }
     let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
-    let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
+    let mut law = scene.choice("law", &name, &hyperelastic::laws(element))?;
+    if let (Law::Hyperelastic(material), Element::Tetra | Element::PlainTetra) = (law, element)
+        && material != Material::Holzapfel
+        && raw.embed.is_none()
+    {
+        law = Law::LargeTetra { material, element };
+    }
     match law {
         Law::Springs { .. } => network(),
-        Law::Fem { .. } => Ok(law),
+        Law::Fem { .. } | Law::LargeTetra { .. } => Ok(law),
         Law::Hyperelastic(_) => {
-            let why = "a hyperelastic law (the default is \"neo_hookean\") has one element, of mean dilatation; others belong to law = \
-                       \"corotational\" or \"linear\"";
+            let why = "a hyperelastic law (the default is \"neo_hookean\") has hexahedra of mean dilatation, or, without fibres, \"tetra\" and \
+                       \"plain_tetra\"; others belong to law = \"corotational\" or \"linear\"";
             scene.needless("element", &raw.element, why)?;
             Ok(law)
         }
@@ -361,7 +366,9 @@ fn layer(
     let (at, raw) = (table.span.clone(), table.keys);
     let constants = match law {
         Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
-        Law::Hyperelastic(material) => hyperelastic::constants(scene, &raw, *material, table.span)?,
+        Law::Hyperelastic(material) | Law::LargeTetra { material, .. } => {
+            hyperelastic::constants(scene, &raw, *material, table.span)?
+        }
         Law::Springs { .. } => {
             let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
             scene.needless("pre_strain", &raw.pre_strain, why)?;

@@ -7,7 +7,7 @@ use super::words::word;
 use super::{Element, Integrator, Law, Layer};
 use std::ops::Range;
 
-/// Large-strain law of a body of hexahedra ([`crate::kernels::hyperelastic`]).
+/// Large-strain law of a body of hexahedra, or, without fibres, of tetrahedra ([`crate::kernels::hyperelastic`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Material {
     /// Compressible neo-Hookean.
@@ -187,6 +187,14 @@ pub(super) fn fibres(scene: &SceneText, raw: &raw::Layer, law: &Law) -> Result<F
     })
 }
 
+/// Laws of tetrahedra by name.
+pub(super) fn laws_of_tetrahedra(element: Element) -> [(&'static str, Law); 4] {
+    let (of, large) =
+        (|corotational| Law::Fem { element, corotational }, |material| Law::LargeTetra { material, element });
+    let [(neo_hookean, soft), (mooney_rivlin, rubber), _] = MATERIALS;
+    [("corotational", of(true)), ("linear", of(false)), (neo_hookean, large(soft)), (mooney_rivlin, large(rubber))]
+}
+
 /// All laws by name; those of small strain with the given element.
 pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
     let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
@@ -207,7 +215,7 @@ pub(super) fn fits(
     if let Some(newton) = solver.newton.as_ref().filter(|newton| *newton.get_ref()) {
         let unfit = |why: &'static str| Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why };
         if !hyperelastic {
-            return Err(unfit("only hyperelastic bodies are solved by Newton's method"));
+            return Err(unfit("only hyperelastic hexahedra are solved by Newton's method"));
         }
         if contact {
             return Err(unfit("where bodies may touch each step is one linear solve; leave it out"));

@@ -383,6 +383,13 @@ pub enum Law {
     },
     /// Hyperelastic hexahedra ([`crate::bodies::grid::Hyperelastic`]).
     Hyperelastic(Material),
+    /// Hyperelastic tetrahedra ([`crate::kernels::tetrahedra_laws`]).
+    LargeTetra {
+        /// Law; one without fibres.
+        material: Material,
+        /// [`Element::Tetra`] or [`Element::PlainTetra`].
+        element: Element,
+    },
     /// Springs between all pairs of nodes of a cell, or along the edges of a mesh, as in SOFA's MeshSpringForceField.
     Springs {
         /// N/m
@@ -395,7 +402,7 @@ pub enum Law {
 impl Law {
     /// Whether it has tetrahedra.
     pub fn is_tetrahedral(self) -> bool {
-        matches!(self, Self::Fem { element: Element::Tetra | Element::PlainTetra, .. })
+        matches!(self, Self::Fem { element: Element::Tetra | Element::PlainTetra, .. } | Self::LargeTetra { .. })
     }
 
     /// Whether a body of the tetrahedra of a mesh may have it.

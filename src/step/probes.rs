@@ -22,9 +22,10 @@ use super::body::Body;
 use super::contact::{ContactReport, NodeForces};
 use super::{Simulation, StepReport};
 use crate::backend::Query;
+use crate::bodies::Place;
 use crate::constraints::Law;
 use crate::error::Result;
-use crate::math::{M3, V3, V4};
+use crate::math::{V3, V4};
 use crate::mesh::{MaterialPoint, trilinear};
 use crate::scene::{BodyId, ProbeKind, Region};
 use glam::DVec3;
@@ -36,8 +37,8 @@ pub(super) struct Prepared {
     nodes: Vec<u32>,
     /// `[node]` weights of a displacement.
     weights: Vec<f64>,
-    /// Cells that contain a point, with its natural coordinates there.
-    cells: Vec<(usize, [f64; 3])>,
+    /// Elements that contain a point.
+    places: Vec<Place>,
     /// Faces of the surface in a region.
     faces: Vec<[u32; 4]>,
     /// Nodes whose displacements are read.
@@ -48,7 +49,7 @@ pub(super) struct Prepared {
 
 impl Prepared {
     pub fn new(kind: ProbeKind) -> Self {
-        Self { kind, nodes: vec![], weights: vec![], cells: vec![], faces: vec![], read: vec![], cuts: None }
+        Self { kind, nodes: vec![], weights: vec![], places: vec![], faces: vec![], read: vec![], cuts: None }
     }
 
     /// Has it found again, since its body may have other cuts than before.
@@ -64,13 +65,7 @@ impl Prepared {
             return;
         }
         self.cuts = Some(body.cuts.len());
-        let parts = &body.wound.surface.parts;
-        let corners = |cells: &mut dyn Iterator<Item = usize>| -> Vec<u32> {
-            let mut nodes: Vec<u32> = cells.flat_map(|cell| parts.corners(cell)).map(|node| node as u32).collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            nodes
-        };
+        let (model, wound, mechanics) = (&body.model, &body.wound, body.model.mechanics());
         match &self.kind {
             ProbeKind::Displacement { point, .. } => {
                 (self.nodes, self.weights) = body.material_point(*point).0.into_iter().unzip();
@@ -83,10 +78,7 @@ impl Prepared {
             }
             ProbeKind::Reaction { region, .. } => {
                 self.nodes = body.nodes_in(region);
-                self.read = match body.model.unstructured() {
-                    Some(of) => of.mesh.nodes_around(&self.nodes),
-                    None => corners(&mut self.nodes.iter().flat_map(|node| parts.cells_of(*node as usize))),
-                };
+                self.read = mechanics.reached(model, wound, &self.nodes);
             }
             ProbeKind::Pressure { region, .. } => {
                 self.nodes = body.nodes_in(region);
@@ -95,8 +87,8 @@ impl Prepared {
                 self.read = self.faces.as_flattened().to_vec();
             }
             ProbeKind::Strain { point, .. } | ProbeKind::Stress { point, .. } => {
-                self.cells = body.present_cells_at(*point);
-                self.read = corners(&mut self.cells.iter().map(|(cell, _)| *cell));
+                self.places = mechanics.places(model, wound, *point);
+                self.read = mechanics.reached_from(model, wound, &self.places);
             }
             _ => {}
         }
@@ -159,10 +151,10 @@ impl Simulation {
                 }
                 ProbeKind::Pressure { body, .. } => self.bodies[*body].pressure(*body, probe, &report.contact),
                 ProbeKind::Strain { body, component, .. } => {
-                    component.of(self.bodies[*body].strain_and_stress(&probe.cells)[0])
+                    component.of(self.bodies[*body].strain_and_stress(&probe.places)[0])
                 }
                 ProbeKind::Stress { body, component, .. } => {
-                    component.of(self.bodies[*body].strain_and_stress(&probe.cells)[1])
+                    component.of(self.bodies[*body].strain_and_stress(&probe.places)[1])
                 }
                 ProbeKind::Volume { body } | ProbeKind::VolumeChange { body } => {
                     let Body { model, wound, .. } = &self.bodies[*body];
@@ -237,15 +229,6 @@ impl Body {
         if own.0.len() == 1 { own } else { of(self.wound.surface.parts.corners(*cell)) }
     }
 
-    /// Present cells of one layer that contain a rest position in the body's frame: between two layers those of the upper one.
-    fn present_cells_at(&self, point: [f64; 3]) -> Vec<(usize, [f64; 3])> {
-        let mut cells = self.model.cells_at(point);
-        cells.retain(|(cell, _)| self.wound.surface.alive[*cell]);
-        let upper = cells.iter().map(|(cell, _)| self.model.layer(*cell)).max();
-        cells.retain(|(cell, _)| Some(self.model.layer(*cell)) == upper);
-        cells
-    }
-
     /// Force of the support on nodes, N, under the dead loads and the contact forces of the step: see the module.
     fn reaction(&self, nodes: &[u32], load: &[[f64; 3]], contact: &[(u32, [f64; 3])]) -> [f64; 3] {
         let (model, known, rate) = (&self.model, &self.known, self.model.step.rayleigh_stiffness);
@@ -292,15 +275,15 @@ impl Body {
         if area > 0.0 { force / area } else { 0.0 }
     }
 
-    /// Green–Lagrange strain and Cauchy stress, Pa, by rows: their means over cells at a point of each; 0 without a cell.
-    fn strain_and_stress(&self, cells: &[(usize, [f64; 3])]) -> [[[f64; 3]; 3]; 2] {
-        let mut sum = [M3::zero(); 2];
-        for (cell, natural) in cells {
-            let u = self.wound.surface.parts.corners(*cell).map(|node| self.known.moved(node)[0]);
-            let own = self.model.mechanics().strain_and_stress(&self.model, *cell, &u, *natural);
-            sum = [0, 1].map(|k| sum[k] + own[k] * (1.0 / cells.len() as f64));
+    /// Green–Lagrange strain and Cauchy stress, Pa, by rows: their means over elements at a point of each; 0 without one.
+    fn strain_and_stress(&self, places: &[Place]) -> [[[f64; 3]; 3]; 2] {
+        if places.is_empty() {
+            return [[[0.0; 3]; 3]; 2];
         }
-        sum.map(|tensor| tensor.0.map(V3::f64)) // symmetric: columns are rows
+        let (model, known) = (&self.model, &self.known);
+        let moved = |node| known.moved(node);
+        let means = model.mechanics().strain_and_stress_at(model, &self.wound, places, &moved);
+        means.map(|tensor| tensor.0.map(V3::f64)) // symmetric: columns are rows
     }
 
     /// Centre of mass at displacements `u`, `[node]` m, world, m; 0 of a body without mass.

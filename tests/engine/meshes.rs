@@ -1,7 +1,7 @@
 //! Bodies of the tetrahedra of a mesh file: the operator on an irregular mesh, the same tetrahedra in a grid, the outside, loads, contacts,
 //! whole runs of scenes/skin_tetra.toml beside bricks, and what is refused.
 
-use crate::small;
+use crate::small::{self, held};
 use cutis::backend::{Needs, on_cpu};
 use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::bodies::{Kind, Model, Wound};
@@ -12,8 +12,8 @@ use cutis::mesh::{Face, Grid, Surface};
 use cutis::report;
 use cutis::scene::Element::{self, PlainTetra, Tetra};
 use cutis::scene::{
-    BodyId, Cut, Defect, Files, Law, Load, LoadKind, Mass, Plane, Preconditioner, ProbeKind, Region, Scene,
-    TetrahedralMesh, parse,
+    BodyId, Boundary, COMPONENTS, Component, Cut, Defect, Files, Integrator, Law, Load, LoadKind, Mass, Plane,
+    Preconditioner, Probe, ProbeKind, Region, Scene, TetrahedralMesh, parse,
 };
 use cutis::step::{Platform, Simulation};
 use glam::DVec3;
@@ -409,6 +409,114 @@ fn probes_of_a_mesh_have_its_volume_and_shares() {
     let mut found = simulation(&scene);
     let probes = found.step(false).expect("the CPU path has no device to fail").probes;
     assert!((probes[0] - 2e-3).abs() < 1e-12 && (probes[1] + 3e-3).abs() < 1e-12, "{probes:?}");
+}
+
+/// The skin in static steps without contact, and no probes.
+fn still(element: Element) -> Scene {
+    let mut scene = skin("coarse", element);
+    (scene.anchors, scene.tools, scene.contact, scene.probes) = (vec![], vec![], None, vec![]);
+    (scene.time.integrator, scene.solver.tolerance, scene.solver.max_iterations) = (Integrator::Static, 1e-13, 5000);
+    (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.0, 0.0);
+    scene.solver.floor = 1e-17;
+    scene
+}
+
+fn probe(scene: &mut Scene, kind: ProbeKind) {
+    scene.probes.push(Probe { name: format!("p{}", scene.probes.len()), kind });
+}
+
+/// Values of the probes after static steps.
+fn probed(scene: &Scene, steps: usize) -> (Vec<f64>, Simulation) {
+    let mut own = simulation(scene);
+    let reports = (0..steps).map(|_| own.step(false).expect("the CPU path has no device to fail").probes);
+    (reports.last().expect("there is a step"), own)
+}
+
+#[test]
+fn a_uniform_field_of_an_irregular_mesh_has_its_exact_stress_and_strain() {
+    const MOST: f64 = 1e-9;
+    let (stretch, size) = (1.02, [20e-3, 20e-3, 2.3e-3]);
+    for element in ELEMENTS {
+        let mut scene = still(element);
+        scene.time.gravity = [0.0; 3];
+        let (young, poisson) = (scene.skins[0].layers[0].young, scene.skins[0].layers[0].poisson);
+        // drawn along x, free across
+        let plane = |through, normal| Region::Plane { through, normal, within: 1e-9 };
+        let far = held(plane([10e-3, 0.0, 0.0], [1.0, 0.0, 0.0]), [true, false, false]);
+        scene.boundaries = vec![
+            held(plane([-10e-3, 0.0, 0.0], [1.0, 0.0, 0.0]), [true, false, false]),
+            held(plane([0.0, -10e-3, 0.0], [0.0, 1.0, 0.0]), [false, true, false]),
+            held(Region::Bottom, [false, false, true]),
+            Boundary { displacement: [(stretch - 1.0) * size[0], 0.0, 0.0], ..far.clone() },
+        ];
+        // on a node inside, on the outside, in a tetrahedron
+        let middle = model(&scene).grid.rest(121);
+        for point in [middle, [0.0, 0.0, size[2]], [1.234e-3, -4.321e-3, 1.1e-3]] {
+            for (_, component) in COMPONENTS {
+                probe(&mut scene, ProbeKind::Stress { body: 0, point, component });
+                if component != Component::VonMises {
+                    probe(&mut scene, ProbeKind::Strain { body: 0, point, component });
+                }
+            }
+        }
+        probe(&mut scene, ProbeKind::Reaction { body: 0, region: far.region, axis: 0 });
+        let (found, mut own) = probed(&scene, 4);
+        let pull = young * (stretch - 1.0);
+        let strain = |along: bool| {
+            let by: f64 = if along { stretch } else { 1.0 - poisson * (stretch - 1.0) };
+            0.5 * (by * by - 1.0)
+        };
+        for (kind, found) in scene.probes.iter().map(|probe| &probe.kind).zip(&found) {
+            let (wanted, size) = match kind {
+                ProbeKind::Stress { component: Component::VonMises | Component::Entry(0, 0), .. } => (pull, pull),
+                ProbeKind::Stress { .. } => (0.0, pull),
+                ProbeKind::Strain { component: Component::Entry(i, j), .. } if i == j => {
+                    (strain(*i == 0), strain(true))
+                }
+                ProbeKind::Reaction { .. } => (pull * size[1] * size[2], pull * size[1] * size[2]),
+                _ => (0.0, strain(true)),
+            };
+            assert!((found - wanted).abs() < MOST * size, "{element:?} {kind:?}: {found:e}, wanted {wanted:e}");
+        }
+        // the field saved for all of them, and the counter-test: what is bent has another stress at each place
+        let saved = |own: &mut Simulation| {
+            let state = own.snapshots().expect("no device to fail").remove(0);
+            let body = &own.bodies[0];
+            let all = body.model.mechanics().strains_and_stresses(&body.model, &body.wound, &state.u);
+            all.into_iter().map(|[_, stress]| (stress.0[0].x / pull - 1.0).abs()).fold(0.0, f64::max)
+        };
+        let off = saved(&mut own);
+        assert!(off < MOST, "{element:?}: {off:e}");
+        scene.boundaries[3].rotation = 0.1;
+        scene.boundaries[3].axes = [true; 3];
+        assert!(saved(&mut probed(&scene, 4).1) > 0.1, "{element:?}");
+    }
+}
+
+#[test]
+fn held_nodes_of_a_mesh_bear_its_weight_and_load() {
+    for element in ELEMENTS {
+        let mut scene = still(element);
+        scene.time.gravity = [1.5, -0.7, -9.81];
+        scene.boundaries = vec![held(Region::Bottom, [true; 3])];
+        scene.loads.push(Load::on_top(&scene.skins[0], 40.0, [-3e-3; 2], [4e-3; 2]));
+        for region in [Region::Bottom, Region::Top] {
+            (0..3).for_each(|axis| probe(&mut scene, ProbeKind::Reaction { body: 0, region: region.clone(), axis }));
+        }
+        let (found, own) = probed(&scene, 12);
+        let body = &own.bodies[0];
+        let mass: f64 = body.model.free.iter().map(|free| free[3]).sum();
+        let corners = |cell| body.wound.surface.corners_of(cell);
+        let load = body.model.load_on(&scene.loads, 0.0, corners, |_| [0.0; 3]);
+        for axis in 0..3 {
+            let borne = mass * scene.time.gravity[axis] + load.iter().map(|f| f[axis]).sum::<f64>();
+            let error = (found[axis] + borne).abs() / (9.81 * mass);
+            println!("{element:?} {axis}: {} N, wanted {} N, off by {error:e} of the weight", found[axis], -borne);
+            assert!(error < 1e-9, "{element:?} {axis}: {error:e} of the weight");
+            // the counter-test: nothing holds the top
+            assert_eq!(found[3 + axis], 0.0);
+        }
+    }
 }
 
 #[test]

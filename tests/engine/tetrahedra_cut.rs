@@ -9,7 +9,7 @@ use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4};
 use cutis::mesh::Edges;
 use cutis::scene::{
-    Carve, Contact, Cut, Element, Files, Law, Load, LoadKind, Mass, Pose, Region, Round, Scene, Tool, parse,
+    Carve, Contact, Cut, Element, Files, Law, Load, LoadKind, Mass, Material, Pose, Region, Round, Scene, Tool, parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -34,8 +34,19 @@ fn afresh(scene: &Scene, model: &Model, wound: &Wound) -> (Arrays<f64>, Vec<usiz
     let present: Vec<usize> = (0..surface.present().len()).filter(|e| surface.present()[*e]).collect();
     let tetrahedra: Vec<_> =
         present.iter().map(|e| (surface.corners_of_tetrahedra()[*e], model.grid.tetrahedron_layer(*e))).collect();
-    let smoothed = matches!(scene.skins[0].law, Law::Fem { element: Element::Tetra, .. });
-    (Arrays::new(&wound.rest, &tetrahedra, &moduli(scene), smoothed), present)
+    let arrays = match scene.skins[0].law {
+        Law::LargeTetra { element, .. } => {
+            // neo-Hookean: λ and μ
+            let laws: Vec<V4<f64>> =
+                moduli(scene).into_iter().map(|[bulk, shear]| [bulk - shear * 2.0 / 3.0, shear, 0.0, 0.0]).collect();
+            Arrays::hyperelastic(&wound.rest, &tetrahedra, &laws, element == Element::Tetra)
+        }
+        law => {
+            let smoothed = matches!(law, Law::Fem { element: Element::Tetra, .. });
+            Arrays::new(&wound.rest, &tetrahedra, &moduli(scene), smoothed)
+        }
+    };
+    (arrays, present)
 }
 
 /// What no cut or carved mesh may have.
@@ -331,6 +342,30 @@ fn carving_leaves_no_contact_by_an_edge_or_a_node_alone() {
     let gone: Vec<u32> = (0..model.cell_count() as u32).filter(|e| e % 3 == 0).collect();
     surface.tetrahedra_mut().expect("a mesh").remove(&gone);
     assert!(surface.edges().nonmanifold > 0);
+}
+
+#[test]
+fn hyperelastic_tetrahedra_are_cut_and_carved_as_others_are() {
+    for element in [Element::Tetra, Element::PlainTetra] {
+        let mut scene = split(element);
+        scene.skins[0].law = Law::LargeTetra { material: Material::NeoHookean, element };
+        let model = model(&scene);
+        let hits = through(&model, 0.4e-3);
+        let mut wound = Wound::new(&model);
+        wound.apply(&model, &hits);
+        assert_eq!(wound.surface.pieces(), 2);
+        let error = operator_error(&scene, &model, &wound, 5);
+        assert!(error < ROUNDING, "{element:?}: {error}");
+        let gone: Vec<u32> = (0..wound.surface.present().len() as u32).step_by(17).collect();
+        model.mechanics().carve(&model, &mut wound, &gone);
+        let error = operator_error(&scene, &model, &wound, 6);
+        assert!(error < ROUNDING, "{element:?}, carved: {error}");
+        // the counter-test: uncut it has other forces
+        assert!(operator_error(&scene, &model, &Wound::new(&model), 5) < ROUNDING);
+        let mut other = scene.clone();
+        other.skins[0].layers[0].young *= 1.1;
+        assert!(operator_error(&other, &model, &wound, 6) > 1e-3);
+    }
 }
 
 #[test]

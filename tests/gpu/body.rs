@@ -285,14 +285,36 @@ impl Body {
         match name {
             "gradients" => of.gradients.concat().iter().map(|c| *c as f32).collect(),
             "per_volume" => of.per_volume.iter().map(|c| *c as f32).collect(),
-            "shear" => of.shear.concat().iter().map(|c| *c as f32).collect(),
+            "shear" if self.kernel != "tetrahedra_laws" => of.shear.concat().iter().map(|c| *c as f32).collect(),
             "rest_block" => of.rest_block.concat().iter().map(|c| *c as f32).collect(),
             "element_rotation" => (0..tetrahedra).flat_map(|_| turned(&mut random)).collect(),
             "domain_rotation" => (0..domains).flat_map(|_| turned(&mut random)).collect(),
             "node_rotation" | "mean_rotation" => (0..nodes).flat_map(|_| turned(&mut random)).collect(),
+            // with pressures of the size of the moduli
+            "strain" if self.kernel == "tetrahedra_laws" => {
+                let mut strain = random.many(12 * tetrahedra * self.slots, 0.2);
+                strain.iter_mut().skip(3).step_by(12).for_each(|pressure| *pressure *= 1e5);
+                strain
+            }
             "strain" => random.many(12 * tetrahedra * self.slots, 0.2),
+            "cofactor" => random.many(12 * tetrahedra, 1.0),
+            "frame" => positive(&mut random, 4 * domains).map(|c| 1e4 * c).collect(),
+            "laws" => (0..LAYERS)
+                .flat_map(|layer| {
+                    let [bulk, first, second] = [9e4, 1e4, 4e3].map(|c| c * (1.0 + 0.3 * random.next()));
+                    let [second, code] = if layer % 2 == 1 { [second, 1.0] } else { [0.0; 2] };
+                    [bulk, first, second, code]
+                })
+                .collect(),
+            // layers in place of moduli
+            "shear" if self.kernel == "tetrahedra_laws" => {
+                let of_layer = |(k, [volume, _]): (usize, &[f64; 2])| [*volume as f32, (k % LAYERS) as f32];
+                of.shear.iter().enumerate().flat_map(of_layer).collect()
+            }
             "tetrahedron_force" => random.vectors(3 * tetrahedra * self.slots, 0.01),
             "domain_stress" => random.vectors(3 * domains * self.slots, 1e3),
+            // volumes up to two and a half times as large, and flat
+            "nodal_strain" if self.kernel == "tetrahedra_pressed" => random.many(nodes * self.slots, 1.5),
             "nodal_strain" => random.many(nodes * self.slots, 0.1),
             "pressure" => random.many(nodes * self.slots, 1e4),
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
@@ -471,7 +493,7 @@ impl Body {
         };
         match name {
             "params" => Ok(gpu.uniform("params", 0, &self.words())),
-            "shape" | "material" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
+            "shape" | "material" | "laws" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
             "fibres" => Ok(uniform(MAX_LAYERS * 32)),
             "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
             "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),

@@ -212,12 +212,35 @@ const CASES: &[Case] = cases! {
         "* transpose(r)" => "* r", "node_rotation[i]" => "node_rotation[0]", "2u * i + 1u" => "2u * i", "params.stiffness_factor, params" => "1.0, params"
     ]
     tetrahedra_centres Tetrahedra false ["sum * 0.25" => "sum * 0.26", "u[c.w].xyz" => "u[c.z].xyz", "corners[e]" => "corners[0]"]
+    tetrahedra_changes Tetrahedra true [
+        "corners[e] + slot * params.node_count" => "corners[e]", "cofactor[3u * e + 2u].xyz, change[2]" => "cofactor[3u * e + 2u].xyz, change[1]",
+        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "change[0], grown" => "change[0], 0.0"
+    ]
+    tetrahedra_deformations Tetrahedra false [
+        "u[c.w].xyz" => "u[c.z].xyz", "point.h[0], point.dilatation" => "point.h[0], 0.0", "point.cofactor[1], 0.0" => "point.cofactor[2], 0.0",
+        "dot(a, cross(b, c))" => "0.0", "gradients[3u * e].w)" => "0.0)"
+    ]
     tetrahedra_domains Domains true [
         "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "if total == 1u { a" => "if false { a", "shear[k].y * (1.0 / 3.0)" => "shear[k].y",
         "trace(strain) * (1.0 / 3.0)" => "trace(strain)", "(a + transpose(a)) * 0.5" => "a", "gradients[3u * e].w * per_volume" => "per_volume",
         "slot * params.domain_count + k" => "k", "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false"
     ]
     tetrahedra_forces Nodes false ["sum -= tet" => "sum += tet", "at + a - 1u" => "at", "of_node[n] % 4u" => "1u", "of_node[n] / 4u" => "of_node[n] / 5u"]
+    tetrahedra_frames Domains true [
+        "* factors.w" => "", "of_domain[n] / 4u" => "of_domain[n] / 5u", "factors.y * trace(change)" => "factors.y", "(change - transpose(change))" => "(change + transpose(change))",
+        "factors.z * 0.5" => "factors.z", "domain_rotation[k]" => "domain_rotation[0]", "slot * params.domain_count + k" => "k",
+        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "frame[k]" => "frame[0]"
+    ]
+    tetrahedra_large Tetrahedra true [
+        "* 0.25" => "", "EDGES: u32 = 6u" => "EDGES: u32 = 5u", "domains[EDGES * e + n]" => "domains[n]", "* gradients[3u * e].w" => "",
+        "slot * params.domain_count" => "0u", "slot * params.node_count" => "0u", "cofactor[3u * e + 1u]" => "cofactor[3u * e]", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    tetrahedra_laws Domains false [
+        "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "u32(shear[k].y)" => "0u", "found * sixth" => "found", "2.0 * (material.y + material.z)" => "(material.y + material.z)",
+        "params.corotational == STIFFENED" => "false", "log_gradient) - 2.0" => "log_gradient)", "-pressure / (2.0 * modulus)" => "0.0", "squared, 3.0) / 3.0" => "squared, 3.0)",
+        "- 1.0) / params.stiffness_factor" => "- 1.0)", "point.cofactor * pressure" => "point.cofactor", "domain_rotation[k]" => "domain_rotation[0]", "deviator / 6.0" => "deviator",
+        "law_of_trace(law) * modulus" => "modulus", "tension * sixth, per_volume" => "tension * sixth, 0.0"
+    ]
     tetrahedra_means Nodes false [
         "volume += own" => "volume = own", "members[n] / 4u" => "members[n] / 5u", "strain[3u * e + 2u]" => "strain[3u * e + 1u]", "diagonal(vec3<f32>(1.0)) +" => "",
         "sum * per_volume" => "sum", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
@@ -226,6 +249,10 @@ const CASES: &[Case] = cases! {
         "gradients[3u * e + 1u].w *" => "", "2.0 * gradients" => "gradients", "q)), total == 1u" => "q)), false", "if total == 1u { a" => "if false { a",
         "* gradients[3u * e].w" => "", "corners[e] + slot * params.node_count" => "corners[e]", "slot * params.tetrahedron_count + e" => "e",
         "scalars[slot * 2u].w != 0.0" => "false", "outer(u3 - u0, g[2])" => "outer(u3 - u0, g[1])"
+    ]
+    tetrahedra_pressed Tetrahedra false [
+        "* 0.25" => "", "nodal_strain[c.w]" => "nodal_strain[c.z]", "gradients[3u * e + 1u].w" => "gradients[3u * e + 2u].w", "log_mean * slope" => "log_mean",
+        "max(log_volume_stiffness(mean), least * slope * slope)" => "log_volume_stiffness(mean)", "0.6 - 0.2" => "0.6 - 0.1"
     ]
     tetrahedra_pressures Nodes true [
         "* 0.25" => "", "corners[e] + offset" => "corners[e]", "gradients[3u * e + 1u].w *" => "", "sum * per_volume[i]" => "sum",

@@ -535,6 +535,85 @@ pub fn tetrahedra_domains<R: Real>(b: &Body) -> Outputs<R> {
     vec![("domain_stress", flat(&stress))]
 }
 
+pub fn tetrahedra_deformations<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, corners) = (b.v4("gradients"), &b.tetrahedra.corners);
+    let (mut strain, mut cofactor) = (b.v4::<R>("strain"), b.v4("cofactor"));
+    let own = &mut strain[..gradients.len()];
+    kernels::tetrahedra_deformations::tetrahedra_deformations(corners, &gradients, &b.v4("u"), own, &mut cofactor);
+    vec![("strain", flat(&strain)), ("cofactor", flat(&cofactor))]
+}
+
+pub fn tetrahedra_pressed<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, corners, nodal) = (b.v4("gradients"), &b.tetrahedra.corners, b.scalars("nodal_strain"));
+    let (mut strain, mut cofactor) = (b.v4::<R>("strain"), b.v4("cofactor"));
+    let own = &mut strain[..gradients.len()];
+    kernels::tetrahedra_pressed::tetrahedra_pressed(corners, &gradients, &nodal, own, &mut cofactor);
+    vec![("strain", flat(&strain)), ("cofactor", flat(&cofactor))]
+}
+
+pub fn tetrahedra_laws<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, shear, of) = (b.v4("gradients"), b.v2("shear"), &b.tetrahedra);
+    let (mut stress, mut frame) = (b.v4::<R>("domain_stress"), b.v4("frame"));
+    kernels::tetrahedra_laws::tetrahedra_laws(
+        &b.params(),
+        &gradients,
+        &of.first_of_domain,
+        &of.of_domain,
+        &shear,
+        &b.v4("laws"),
+        &b.v4("strain")[..gradients.len()],
+        &b.v4("domain_rotation"),
+        &mut stress[..3 * shear.len()],
+        &mut frame,
+    );
+    vec![("domain_stress", flat(&stress)), ("frame", flat(&frame))]
+}
+
+pub fn tetrahedra_changes<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, cofactor, z) = (b.v4("gradients"), b.v4("cofactor"), b.v4::<R>("z"));
+    let (mut strain, corners) = (b.v4("strain"), &b.tetrahedra.corners);
+    for ((_, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        let (z, strain) = (&z[nodes], &mut strain[at]);
+        kernels::tetrahedra_changes::tetrahedra_changes(corners, &gradients, &cofactor, z, strain);
+    }
+    vec![("strain", flat(&strain))]
+}
+
+pub fn tetrahedra_frames<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, rotation, frame, of) = (b.v4("gradients"), b.v4("domain_rotation"), b.v4("frame"), &b.tetrahedra);
+    let (strain, mut stress) = (b.v4::<R>("strain"), b.v4("domain_stress"));
+    for ((_, at), (_, to)) in running_of(b, gradients.len()).zip(running_of(b, 3 * frame.len())) {
+        kernels::tetrahedra_frames::tetrahedra_frames(
+            &gradients,
+            &of.first_of_domain,
+            &of.of_domain,
+            &rotation,
+            &frame,
+            &strain[at],
+            &mut stress[to],
+        );
+    }
+    vec![("domain_stress", flat(&stress))]
+}
+
+pub fn tetrahedra_large<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, cofactor, of) = (b.v4::<R>("gradients"), b.v4("cofactor"), &b.tetrahedra);
+    let (stress, pressure, mut force) = (b.v4("domain_stress"), b.scalars("pressure"), b.v4("tetrahedron_force"));
+    let domains = 3 * of.shear.len();
+    for ((slot, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        kernels::tetrahedra_large::tetrahedra_large(
+            &of.corners,
+            &gradients,
+            &cofactor,
+            &of.domains,
+            &stress[slot * domains..(slot + 1) * domains],
+            &pressure[nodes],
+            &mut force[at],
+        );
+    }
+    vec![("tetrahedron_force", flat(&force))]
+}
+
 pub fn tetrahedra_volumes<R: Real>(b: &Body) -> Outputs<R> {
     let (gradients, per_volume, of) = (b.v4("gradients"), b.scalars("per_volume"), &b.tetrahedra);
     let (strain, mut nodal) = (b.v4::<R>("strain"), b.scalars("nodal_strain"));

@@ -49,6 +49,7 @@ fn every_kernel_has_one_name_and_one_twin() {
             "split",
             "deformation",
             "hyperelastic",
+            "hyperelastic_cells",
             "neo_hookean",
             "mooney_rivlin",
             "linearised",

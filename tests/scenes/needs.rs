@@ -108,7 +108,10 @@ fn bytes_of_arrays(model: &Model) -> usize {
                 size_of_val(&a.first_of_node[..]) + size_of_val(&a.of_node[..]) + size_of_val(&a.per_volume[..]);
             let domains =
                 size_of_val(&a.first_of_domain[..]) + size_of_val(&a.of_domain[..]) + size_of_val(&a.shear[..]);
-            of_elements + around + domains + size_of_val(&a.domains[..]) + size_of_val(&a.rest_block[..])
+            let of = &a.patches;
+            let patches = size_of_val(&of.corners[..]) + size_of_val(&of.first[..]) + size_of_val(&of.members[..]);
+            let law = size_of_val(&a.laws[..]) + patches + size_of_val(&of.per_volume[..]);
+            of_elements + around + domains + law + size_of_val(&a.domains[..]) + size_of_val(&a.rest_block[..])
         }
     };
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);

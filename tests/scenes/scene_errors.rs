@@ -954,6 +954,20 @@ fn neo_hookean_law_is_read() {
 }
 
 #[test]
+fn hyperelastic_tetrahedra_are_read() {
+    let read = |keys: &str| parsed(&alone("", "", keys));
+    for (word, element) in [("tetra", Element::Tetra), ("plain_tetra", Element::PlainTetra)] {
+        let scene = read(&format!("law = \"neo_hookean\"\nelement = \"{word}\"")).expect("the scene is valid");
+        assert_eq!(scene.skins[0].law, Law::LargeTetra { material: Material::NeoHookean, element });
+        assert_eq!(scene.solver.preconditioner, Preconditioner::Block);
+    }
+    let refused = read("law = \"holzapfel\"\nelement = \"tetra\"").expect_err("fibres are of hexahedra");
+    says(&refused.to_string(), "element … without fibres … \"tetra\"");
+    let newton = parsed(&alone("", "newton = true", "law = \"neo_hookean\"\nelement = \"tetra\""));
+    says(&newton.expect_err("one solve a step").to_string(), "newton … hyperelastic hexahedra");
+}
+
+#[test]
 fn neo_hookean_skin_may_be_cut_and_refined_where_it_is_touched() {
     let text = FULL.replace("element = \"bbar\"\n", "");
     let scene = parsed(&text.replace("law = \"linear\"", "law = \"neo_hookean\"")).expect("the scene is valid");

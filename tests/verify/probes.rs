@@ -9,7 +9,7 @@ use super::{Case, Everywhere};
 use cutis::kernels::Params;
 use cutis::kernels::cut::Hit;
 use cutis::math::V4;
-use cutis::scene::Element::{Bbar, Enhanced, Plain};
+use cutis::scene::Element::{Bbar, Enhanced, Plain, PlainTetra, Tetra};
 use cutis::scene::{
     Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, LoadKind, Material, Motion,
     Plane, Pose, Probe, ProbeKind, Region, Round, Scene, Tool,
@@ -45,6 +45,8 @@ const MASS: f64 = 1000.0 * 8e-3 * 6e-3 * TOP;
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
 const NEO_HOOKEAN: Law = Law::Hyperelastic(Material::NeoHookean);
+const TETRAHEDRA: Law = Law::Fem { element: Tetra, corotational: true };
+const SOFT_TETRAHEDRA: Law = Law::LargeTetra { material: Material::NeoHookean, element: Tetra };
 const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.0 };
 
 fn probe(scene: &mut Scene, kind: ProbeKind) {
@@ -82,7 +84,9 @@ fn loaded(scene: &mut Scene) -> [f64; 3] {
 
 fn borne(place: &Platform) {
     // small strains and Newton's method end in one step; rotations and springs are linearised at its start
-    for (law, steps) in [(LINEAR, 1), (NEO_HOOKEAN, 1), (COROTATIONAL, 8), (SPRINGS, 12)] {
+    for (law, steps) in
+        [(LINEAR, 1), (NEO_HOOKEAN, 1), (COROTATIONAL, 8), (TETRAHEDRA, 8), (SOFT_TETRAHEDRA, 12), (SPRINGS, 12)]
+    {
         let mut scene = static_block(place, law);
         scene.boundaries.push(held(Region::Bottom, [true; 3]));
         let total = loaded(&mut scene);
@@ -100,7 +104,7 @@ fn borne(place: &Platform) {
 }
 
 fn all_held(place: &Platform) {
-    for law in [COROTATIONAL, NEO_HOOKEAN, SPRINGS] {
+    for law in [COROTATIONAL, NEO_HOOKEAN, SPRINGS, TETRAHEDRA] {
         let mut scene = static_block(place, law);
         scene.boundaries.push(held(Region::All, [true; 3]));
         let total = loaded(&mut scene);
@@ -124,7 +128,7 @@ fn impulse(simulation: &mut Simulation) -> [f64; 3] {
 }
 
 fn momentum(place: &Platform) {
-    for law in [LINEAR, NEO_HOOKEAN, Law::Springs { stiffness: 30.0, damping: 0.02 }] {
+    for law in [LINEAR, NEO_HOOKEAN, TETRAHEDRA, Law::Springs { stiffness: 30.0, damping: 0.02 }] {
         let mut scene = static_block(place, law);
         scene.time.step = 1e-4;
         let drag = 300.0;
@@ -282,7 +286,7 @@ fn check_stretched(what: &str, place: &Platform, scene: &Scene, found: &[f64], [
 
 fn stretched(place: &Platform) {
     let s = 1.01;
-    for element in [Plain, Bbar, Enhanced] {
+    for element in [Plain, Bbar, Enhanced, Tetra, PlainTetra] {
         for corotational in [false, true] {
             let law = Law::Fem { element, corotational };
             let scene = stretch(place, law, s);
@@ -316,9 +320,16 @@ fn hyperelastic(place: &Platform) {
     }
     let volume = low * low * s;
     let stress = (mu * (s * s - 1.0) + lambda * volume.ln()) / volume;
-    let scene = stretch(place, NEO_HOOKEAN, s);
-    let (report, _) = run(&scene, place, 1);
-    check_stretched("hyperelastic", place, &scene, &report.probes, [low, s], stress);
+    // one static step by Newton's method, or many of one linear solve
+    for (law, steps) in [
+        (NEO_HOOKEAN, 1),
+        (SOFT_TETRAHEDRA, 40),
+        (Law::LargeTetra { material: Material::NeoHookean, element: PlainTetra }, 40),
+    ] {
+        let scene = stretch(place, law, s);
+        let (report, _) = run(&scene, place, steps);
+        check_stretched(&format!("hyperelastic {law:?}"), place, &scene, &report.probes, [low, s], stress);
+    }
     // counter-tests: the force per area at rest is another stress, and the elongation another strain
     assert!(low * low < 0.9, "{low}");
     assert!(0.5 * (s * s - 1.0) > 1.05 * (s - 1.0));

@@ -44,6 +44,9 @@ pub fn static_block(place: &Platform, law: Law) -> Scene {
     if let Law::Springs { .. } = law {
         scene.solver.preconditioner = Preconditioner::Column;
     }
+    if law.is_tetrahedral() {
+        scene.solver.preconditioner = Preconditioner::Block;
+    }
     scene
 }
 

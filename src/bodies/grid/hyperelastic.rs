@@ -79,7 +79,7 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
 }
 
 /// κ and two constants, Pa, and the code of a law, in the layout of [`Material::of`].
-fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
+pub(in crate::bodies) fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
     let (lambda, mu) = lame(layer.young, layer.poisson);
     match law {
         scene::Material::NeoHookean => [lambda, mu, 0.0, 0.0],

@@ -11,6 +11,7 @@ pub mod local;
 pub mod multigrid;
 mod stable;
 
+pub(super) use hyperelastic::constants;
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};

@@ -1,12 +1,12 @@
 //! Tetrahedra on the CPU path.
 
-use super::operator::{Arrays, Rotations};
+use super::operator::{Arrays, For, Rotations};
 use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, LANES};
-use crate::kernels::{Params, factor, tetrahedra_blocks, tetrahedra_centres};
+use crate::kernels::{Params, factor, tetrahedra_blocks, tetrahedra_centres, tetrahedra_forces};
 use crate::math::{Real, V4};
 
 /// Arrays in one precision, with the rotations of the step.
@@ -24,7 +24,7 @@ impl<R: Real> Tetrahedra<R> {
     pub fn new(model: &Model, tetrahedra: &super::Tetrahedra) -> Self {
         let arrays: Arrays<R> = tetrahedra.arrays.rounded();
         Self {
-            rotations: arrays.rotations(&[], false),
+            rotations: if arrays.is_hyperelastic() { arrays.unlinearised() } else { arrays.rotations(&[], false) },
             node_rotations: arrays.node_rotations(&[], false),
             corotational: tetrahedra.corotational,
             can_change: tetrahedra.can_change,
@@ -42,12 +42,19 @@ fn numbers<R>(scratch: &mut [CellForces<R>]) -> &mut [R] {
 impl<R: Real> System<R> for Tetrahedra<R> {
     fn forces(
         &mut self,
-        _: &Params<R>,
+        params: &Params<R>,
         u: &[V4<R>],
         at: &[V4<R>],
         f: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> Result<()> {
+        if self.arrays.is_hyperelastic() {
+            let (purpose, scratch) = (For::Steps(params.stiffness_factor), numbers(scratch));
+            let forces = self.arrays.forces_of_law(at, purpose, &mut self.rotations, scratch);
+            tetrahedra_forces::tetrahedra_forces(&self.arrays.first_of_node, &self.arrays.of_node, forces, f);
+            self.node_rotations = self.arrays.node_rotations(u, true);
+            return Ok(());
+        }
         if self.corotational {
             self.rotations = self.arrays.rotations(u, true);
             self.node_rotations = self.arrays.node_rotations(u, true);
@@ -86,6 +93,8 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     fn stored_bytes(&self) -> usize {
         size_of_val(&self.rotations.element[..])
             + size_of_val(&self.rotations.domain[..])
+            + size_of_val(&self.rotations.cofactor[..])
+            + size_of_val(&self.rotations.frame[..])
             + size_of_val(&self.block[..])
     }
 

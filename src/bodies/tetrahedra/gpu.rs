@@ -1,14 +1,16 @@
 //! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
 
 use super::operator::Arrays as Operator;
+use crate::bodies::MAX_LAYERS;
 use crate::bodies::Removal;
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::polar::UPRIGHT;
 use crate::kernels::{
-    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_centres, tetrahedra_domains, tetrahedra_forces,
-    tetrahedra_means, tetrahedra_plain, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations,
+    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_centres, tetrahedra_changes, tetrahedra_deformations,
+    tetrahedra_domains, tetrahedra_forces, tetrahedra_frames, tetrahedra_large, tetrahedra_laws, tetrahedra_means,
+    tetrahedra_plain, tetrahedra_pressed, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations,
     tetrahedra_smoothed, tetrahedra_strains, tetrahedra_volumes,
 };
 use crate::math::round;
@@ -21,12 +23,18 @@ pub(super) struct Tetrahedra {
     smoothed: bool,
     /// Parameter block of the forces, which are those of all displacements.
     total: Buffer,
+    /// The same for passes over patches.
+    total_of_patches: Buffer,
     /// Solver scalars of a right-hand side that is not done, for the forces.
     running: Buffer,
     /// Parameter blocks of the mean rotations of domains and of nodes.
     means: [Buffer; 2],
     /// Corners, where tools cut or carve.
     corners: Option<(Buffer, Vec<u32>)>,
+    /// Whether the law is hyperelastic.
+    hyperelastic: bool,
+    /// Of a hyperelastic law with plain elements: lists of its patches, under the names of those of the nodes.
+    patches: Vec<(&'static str, Buffer)>,
 }
 
 /// Rounds an array of the host when the device stores it.
@@ -37,6 +45,7 @@ fn rounded<const N: usize>(values: &[[f64; N]]) -> Vec<[f32; N]> {
 impl Tetrahedra {
     pub fn new(tetrahedra: &super::Tetrahedra, made: &mut Maker, params: &Params<f32>) -> Result<Self> {
         let (own, smoothed): (&Operator<f64>, _) = (&tetrahedra.arrays, tetrahedra.smoothed);
+        let hyperelastic = tetrahedra.law.is_some();
         let [nodes, count, domains] =
             [params.node_count, params.tetrahedron_count, params.domain_count].map(|n| n as usize);
         let slots = params.slot_count as usize;
@@ -51,21 +60,45 @@ impl Tetrahedra {
         ];
         // rotations of the step, and forces of the tetrahedra, whose array has their strains before
         let upright = |count: usize| move || vec![UPRIGHT.map(|c| c as f32); count];
-        shared.push(made.with("element_rotation", count, upright(count))?);
         shared.push(made.with("node_rotation", nodes, upright(nodes))?);
         let force = made.vec4("tetrahedron_force", 3 * count * slots)?;
-        if smoothed {
+        let patches = Self::patch_count(params, smoothed);
+        if smoothed || hyperelastic {
             shared.extend([
-                made.with("per_volume", nodes, per_volume)?,
                 made.with("first_of_domain", domains + 1, || own.first_of_domain.clone())?,
-                made.with("of_domain", 6 * count, || own.of_domain.clone())?,
+                made.with("of_domain", if smoothed { 6 * count } else { count }, || own.of_domain.clone())?,
                 made.with("shear", domains, || rounded(&own.shear))?,
                 made.with("domains", 6 * count, || own.domains.clone())?,
-                made.with("domain_rotation", domains, upright(domains))?,
                 made.vec4("domain_stress", 3 * domains * slots)?,
-                made.zeros::<f32>("nodal_strain", nodes * slots)?,
-                made.zeros::<f32>("pressure", nodes * slots)?,
+                made.zeros::<f32>("nodal_strain", patches * slots)?,
+                made.zeros::<f32>("pressure", patches * slots)?,
             ]);
+        }
+        if smoothed {
+            shared.push(made.with("per_volume", nodes, per_volume)?);
+        }
+        match hyperelastic {
+            true => {
+                let laws: Vec<u32> =
+                    rounded(&own.laws).as_flattened().iter().map(|number: &f32| number.to_bits()).collect();
+                shared.push(made.uniform("laws", MAX_LAYERS * 16, &laws));
+                shared.extend([made.vec4("cofactor", 3 * count)?, made.vec4("frame", domains)?]);
+            }
+            false => shared.push(made.with("element_rotation", count, upright(count))?),
+        }
+        if smoothed || hyperelastic {
+            shared.push(made.with("domain_rotation", domains, upright(domains))?);
+        }
+        let mut of_patches = vec![];
+        if hyperelastic && !smoothed {
+            let of = &own.patches;
+            let volumes = || of.per_volume.iter().map(|v| *v as f32).collect();
+            of_patches = vec![
+                ("corners", made.with("patch_corners", count, || of.corners.clone())?),
+                ("first_of_node", made.with("first_of_patch", count + 1, || of.first.clone())?),
+                ("of_node", made.with("of_patch", count, || of.members.clone())?),
+                ("per_volume", made.with("per_patch_volume", count, volumes)?),
+            ];
         }
         let corners = || if made.gpu.is_dry() { vec![] } else { own.corners.as_flattened().to_vec() };
         Ok(Self {
@@ -74,28 +107,53 @@ impl Tetrahedra {
                 .joined(&Arrays::of(std::slice::from_ref(&force)))
                 .joined(&Arrays::one("strain", &force)),
             total: made.params(&Params { total: 1, ..*params }),
+            total_of_patches: made.params(&Params {
+                total: 1,
+                node_count: Self::patch_count(params, smoothed) as u32,
+                ..*params
+            }),
             running: made.vec4("scalars", 2)?,
             means: [domains, nodes].map(|count| made.uniform("params", 16, &[count as u32, 0, 0, 0])),
             params: *params,
             corotational: tetrahedra.corotational,
             smoothed,
+            hyperelastic,
+            patches: of_patches,
         })
+    }
+
+    /// Number of patches that volumes are averaged over: nodes, of plain elements tetrahedra.
+    fn patch_count(params: &Params<f32>, smoothed: bool) -> usize {
+        if smoothed { params.node_count as usize } else { params.tetrahedron_count as usize }
+    }
+
+    /// Parameter block of the passes over patches.
+    fn over_patches(&self, made: &mut Maker, params: &Params<f32>) -> Buffer {
+        made.params(&Params { node_count: Self::patch_count(params, self.smoothed) as u32, ..*params })
     }
 
     /// Rotations of the tetrahedra, domains and nodes at the displacements `u`.
     fn rotations(&self, gpu: &Gpu, arrays: &Arrays, u: &Buffer) -> Result<Vec<Dispatch>> {
-        let [nodes, count, domains] = self.threads();
+        let [_, count, _] = self.threads();
         let total = ("params", &self.total);
         let mut list = vec![
             (arrays.bind(gpu, &tetrahedra_rotations::SOURCE, &[total])?, count),
             (arrays.bind(gpu, &tetrahedra_strains::SOURCE, &[total, ("z", u), ("scalars", &self.running)])?, count),
         ];
+        list.extend(self.mean_rotations(gpu, arrays)?);
+        Ok(list)
+    }
+
+    /// Mean rotations of domains and nodes by the displacement gradients of the tetrahedra.
+    fn mean_rotations(&self, gpu: &Gpu, arrays: &Arrays) -> Result<Vec<Dispatch>> {
+        let [nodes, _, domains] = self.threads();
+        let mut list = vec![];
         let lists =
             [("first_of_domain", "of_domain", "domain_rotation"), ("first_of_node", "of_node", "node_rotation")];
         for (((first, members, rotation), params), threads) in lists.iter().zip(&self.means).zip([domains, nodes]) {
             let named = [("first", first), ("members", members), ("mean_rotation", rotation)];
             let own: Vec<_> = named.iter().filter_map(|(name, own)| Some((*name, arrays.get(own)?))).collect();
-            // plain elements have no domains
+            // plain elements of small strains have no domains
             if own.len() == named.len() {
                 let mut more: Vec<_> = own.iter().map(|(name, buffer)| (*name, buffer)).collect();
                 more.push(("params", params));
@@ -120,6 +178,54 @@ impl Tetrahedra {
             &[(&tetrahedra_plain::SOURCE, count)]
         };
         passes.iter().map(|(source, threads)| Ok((arrays.bind(gpu, source, more)?, *threads))).collect()
+    }
+
+    /// Forces of a hyperelastic law at displacements, its linearisation, and the rotations of the nodes.
+    fn forces_of_law(&self, gpu: &Gpu, arrays: &Arrays, u: &Buffer) -> Result<Vec<Dispatch>> {
+        let [_, count, domains] = self.threads();
+        let patches = Self::patch_count(&self.params, self.smoothed);
+        let of_patches: Vec<_> = self.patches.iter().map(|(name, buffer)| (*name, buffer)).collect();
+        let running = [("params", &self.total_of_patches), ("scalars", &self.running)];
+        let over_patches = [&of_patches[..], &running].concat();
+        let pressure = arrays.get("pressure").unwrap_or_else(|| unreachable!("a hyperelastic body has it"));
+        let averaged = [&over_patches[..], &[("nodal_strain", &pressure)]].concat();
+        let total = ("params", &self.total);
+        let mut list = vec![(arrays.bind(gpu, &tetrahedra_deformations::SOURCE, &[total, ("u", u)])?, count)];
+        list.extend(self.mean_rotations(gpu, arrays)?);
+        list.extend([
+            (arrays.bind(gpu, &tetrahedra_volumes::SOURCE, &over_patches)?, patches),
+            (arrays.bind(gpu, &tetrahedra_pressed::SOURCE, &over_patches)?, count),
+            (arrays.bind(gpu, &tetrahedra_volumes::SOURCE, &averaged)?, patches),
+            (arrays.bind(gpu, &tetrahedra_laws::SOURCE, &[total])?, domains),
+            (arrays.bind(gpu, &tetrahedra_large::SOURCE, &over_patches)?, count),
+        ]);
+        Ok(list)
+    }
+
+    /// Forces of the linearisation of a hyperelastic law.
+    fn changes_of_law(
+        &self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        params: &Params<f32>,
+        main: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        let [_, count, domains] = self.threads();
+        let patches = Self::patch_count(params, self.smoothed);
+        let block = self.over_patches(made, params);
+        let cofactor = arrays.get("cofactor").unwrap_or_else(|| unreachable!("a hyperelastic body has it"));
+        let of_patches: Vec<_> = self.patches.iter().map(|(name, buffer)| (*name, buffer)).collect();
+        let over_patches = [&of_patches[..], &[("params", &block)]].concat();
+        // the stiffness of the volume stands where the bulk modulus does in `gradients`
+        let stiff = [&over_patches[..], &[("gradients", &cofactor)]].concat();
+        let gpu = made.gpu;
+        Ok(vec![
+            (arrays.bind(gpu, &tetrahedra_changes::SOURCE, &[("params", main)])?, count),
+            (arrays.bind(gpu, &tetrahedra_frames::SOURCE, &[("params", main)])?, domains),
+            (arrays.bind(gpu, &tetrahedra_volumes::SOURCE, &over_patches)?, patches),
+            (arrays.bind(gpu, &tetrahedra_pressures::SOURCE, &stiff)?, patches),
+            (arrays.bind(gpu, &tetrahedra_large::SOURCE, &over_patches)?, count),
+        ])
     }
 
     /// Numbers of nodes, tetrahedra and domains.
@@ -152,6 +258,11 @@ impl Recorded for Tetrahedra {
     fn forces(&self, gpu: &Gpu, arrays: &Arrays, main: &Buffer, at: Option<&Buffer>) -> Result<Vec<Dispatch>> {
         assert!(at.is_none(), "scenes of tetrahedra with explicit steps are refused");
         let u = arrays.get("u").unwrap_or_else(|| unreachable!("every body has it"));
+        if self.hyperelastic {
+            let mut list = self.forces_of_law(gpu, arrays, &u)?;
+            list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &[("params", main)])?, self.threads()[0]));
+            return Ok(list);
+        }
         let mut list = if self.corotational { self.rotations(gpu, arrays, &u)? } else { vec![] };
         let of_all = [("params", &self.total), ("z", &u), ("scalars", &self.running)];
         list.extend(self.corner_forces(gpu, arrays, &of_all)?);
@@ -196,7 +307,10 @@ impl Recorded for Tetrahedra {
         params: &Params<f32>,
         main: &Buffer,
     ) -> Result<Vec<Dispatch>> {
-        let mut list = self.corner_forces(made.gpu, arrays, &[("params", main)])?;
+        let mut list = match self.hyperelastic {
+            true => self.changes_of_law(made, arrays, params, main)?,
+            false => self.corner_forces(made.gpu, arrays, &[("params", main)])?,
+        };
         let kernel = arrays.bind(made.gpu, &tetrahedra_product::SOURCE, &[("params", main)])?;
         list.push((kernel, params.product_groups as usize * GROUP as usize));
         Ok(list)

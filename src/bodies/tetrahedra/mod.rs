@@ -1,5 +1,5 @@
 //! Linear tetrahedra: of a mesh file, or six to each cell of a grid, with the same nodes ([`Grid::tetrahedra`]). Smoothed elements, which do
-//! not lock, and plain ones, which do ([`crate::kernels::tetrahedra`]).
+//! not lock, and plain ones, which do ([`crate::kernels::tetrahedra`]), of small strains or a hyperelastic law ([`law`]).
 //!
 //! Error of the skin block's centre displacement on 20×20×5 cells (tests/verify/tetrahedra.rs), %, at ν 0.45, 0.49, 0.499:
 //! smoothed +9, +7, −2; plain −26, −54, −88. Hexahedra of mean dilatation have +2, +2, +1. Error of the force on the probe of
@@ -12,27 +12,33 @@
 //! In a grid, contact, loads and probes see the faces of the cells, whose shape functions share the tetrahedra's nodes, and masses are those
 //! of the cells. Of a mesh they see the triangles of its outside, and each tetrahedron gives its corners a quarter of its mass.
 
+//! A probe of a strain or stress is of the tetrahedra that contain its point, by volume: the strain is that of their own deformation gradients,
+//! the stress the one that their forces come from ([`Arrays::strains_and_stresses`]), of smoothed elements the means over edges and nodes.
+//! On the linear skin block at ν 0.49 the root mean square of their errors inside is 38 % of 20×20×5 cells and 18 % of 40×40×8 for strains, 22 and
+//! 16 % for stresses (against hexahedra of mean dilatation; strains by the stresses' means would have 17 and 11 %).
+//! A probe of a reaction takes the passes of the whole body on the host, once a step.
+
 pub mod cpu;
 mod cut;
 mod gpu;
+pub mod law;
 pub mod operator;
 
 use super::gpu::{Maker, Recorded};
 use super::{
-    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+    Elements, Holds, Kind, Mechanics, Model, Moved, Place, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
 };
-use crate::bodies::grid::element;
 use crate::bodies::grid::local::beyond;
+use crate::bodies::grid::{constants, element};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
+use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
 use crate::mesh::{EDGES, Grid, PER_CELL};
-use crate::scene::{
-    Cut, Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene, Skin,
-};
-use operator::{Arrays, is_removed};
+use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, Material, PRECONDITIONER, Preconditioner, Scene, Skin};
+use operator::{Arrays, For, is_removed};
 
 /// Arrays of a body of tetrahedra.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +49,8 @@ pub struct Tetrahedra {
     pub corotational: bool,
     /// Smoothed elements; otherwise plain ones.
     pub smoothed: bool,
+    /// Hyperelastic law; none of small strains.
+    pub law: Option<Material>,
     /// Nodes reserved for those that a cut duplicates.
     pub reserve: usize,
     /// Whether the scene has tools that may cut or carve the body.
@@ -59,18 +67,15 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     let skin = &scene.skins[body];
     let of_key = |key, what, fix| Err(Refused::Tetrahedra { key, what, fix }.into());
     let refuse = |what, fix| of_key("", what, fix);
-    let of_cells = |kind: &ProbeKind| match kind {
-        ProbeKind::Reaction { body: of, .. }
-        | ProbeKind::Strain { body: of, .. }
-        | ProbeKind::Stress { body: of, .. } => *of == body,
-        _ => false,
-    };
     match scene.solver.preconditioner {
         Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => {}
         _ => return of_key(PRECONDITIONER, "this preconditioner", "take \"block\""),
     }
     if scene.time.integrator == Integrator::SymplecticEuler {
         return refuse("integrator = \"symplectic_euler\"", "take \"implicit_euler\"");
+    }
+    if let Law::LargeTetra { material: Material::Holzapfel, .. } = skin.law {
+        return refuse("law = \"holzapfel\"", "take \"neo_hookean\"");
     }
     if skin.mass == Mass::Consistent {
         return refuse("mass = \"consistent\"", "take \"lumped\"");
@@ -82,12 +87,6 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
         return refuse(
             "a blade on those of a grid",
             "give the body a `mesh`, whose tetrahedra it cuts, or take a tool without one",
-        );
-    }
-    if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
-        return refuse(
-            "a probe of a reaction, strain or stress",
-            "probe displacements or the tools' forces, or save the field by [output] fields",
         );
     }
     Ok(())
@@ -106,13 +105,14 @@ impl Tetrahedra {
     /// Without the arrays of the grid's size.
     pub(super) fn new(scene: &Scene, body: usize) -> Self {
         let skin = &scene.skins[body];
-        let (smoothed, corotational) = match skin.law {
-            Law::Fem { element, corotational } => (element == Element::Tetra, corotational),
-            _ => (true, true),
+        let (smoothed, corotational, law) = match skin.law {
+            Law::Fem { element, corotational } => (element == Element::Tetra, corotational, None),
+            Law::LargeTetra { material, element } => (element == Element::Tetra, true, Some(material)),
+            _ => (true, true, None),
         };
         let (reserve, can_change) = (reserve(scene, skin), skin.mesh.is_some() && !scene.tools.is_empty());
         let density = skin.layers.iter().map(|layer| layer.density).collect();
-        Self { arrays: Arrays::default(), corotational, smoothed, reserve, can_change, density }
+        Self { arrays: Arrays::default(), corotational, smoothed, law, reserve, can_change, density }
     }
 
     /// Fills the arrays: `rest` has the nodes of the grid or of its mesh, m.
@@ -124,13 +124,20 @@ impl Tetrahedra {
                 [lambda + 2.0 / 3.0 * mu, mu]
             })
             .collect();
-        self.arrays = Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed);
+        self.arrays = match self.law {
+            None => Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed),
+            Some(material) => {
+                let laws: Vec<V4<f64>> = layers.iter().map(|layer| constants(material, layer)).collect();
+                Arrays::hyperelastic(rest, &grid.tetrahedra(), &laws, self.smoothed)
+            }
+        };
         self.arrays.reserve(self.reserve, EDGES * self.reserve);
     }
 
     /// Number of domains of the deviator: edges, once per material, with the room for those that cuts divide; none of plain elements.
     pub(super) fn domain_count(&self, grid: &Grid) -> usize {
         match self.smoothed {
+            false if self.law.is_some() => grid.tetrahedron_count(),
             false => 0,
             // a model of sizes has no arrays
             true if self.arrays.shear.is_empty() => grid.tetrahedron_edges() + EDGES * self.reserve,
@@ -193,7 +200,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn corotational(&self) -> u32 {
-        u32::from(self.corotational)
+        if self.law.is_some() { STIFFENED } else { u32::from(self.corotational) }
     }
 
     fn product_groups(&self, model: &Model) -> usize {
@@ -209,9 +216,12 @@ impl Mechanics for Tetrahedra {
         // corners and gradients; lists of the nodes, 1/volume and block
         let of_elements = size_of::<[u32; 4]>() + 3 * size_of::<V4<f64>>() + 4 * size_of::<u32>();
         let of_nodes = size_of::<u32>() + size_of::<f64>() + 2 * size_of::<V4<f64>>();
-        let own = count * of_elements + nodes * of_nodes + size_of::<u32>();
+        let laws = if self.law.is_some() { model.shape.len() * size_of::<V4<f64>>() } else { 0 };
+        let own = count * of_elements + nodes * of_nodes + size_of::<u32>() + laws;
         if !self.smoothed {
-            return own;
+            // domains and patches of a hyperelastic law: volume and modulus, lists; patches, lists, 1/volume
+            let more = count * (size_of::<[f64; 3]>() + 14 * size_of::<u32>()) + 2 * size_of::<u32>();
+            return own + if self.law.is_some() { more } else { 0 };
         }
         // lists of the domains, both ways; volume and modulus
         let lists = count * 12 * size_of::<u32>() + size_of::<u32>();
@@ -223,7 +233,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn linearised(&self, _: &Model) -> bool {
-        false
+        self.law.is_some()
     }
 
     fn forces_and_product(
@@ -236,10 +246,30 @@ impl Mechanics for Tetrahedra {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
         let arrays = self.arrays.by_corners(&solved.start.split);
-        let rotations = arrays.rotations(&solved.start.u, self.corotational);
+        let mut params = model.params::<f64>();
+        let rotations = match self.law {
+            None => arrays.rotations(&solved.start.u, self.corotational),
+            Some(_) if solved.exact => arrays.linearised(&solved.start.u, For::Damping),
+            Some(_) => arrays.linearised(&solved.start.u, For::Steps(params.stiffness_factor)),
+        };
         let scratch = &mut arrays.scratch();
         arrays.forces(at, &rotations, &mut f, scratch);
-        arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w, scratch);
+        // damping alone, and the change of the law's own forces
+        let exact = self.law.is_some() && solved.exact;
+        if exact {
+            params.stiffness_factor -= model.step.elastic_at();
+        }
+        arrays.system_product(&params, in_system, &solved.dx, &rotations, &mut w, scratch);
+        if exact {
+            let elastic_at = solved.elastic_at.unwrap_or(model.step.elastic_at());
+            let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
+            let end: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();
+            let mut after = f.clone();
+            arrays.forces(&end, &rotations, &mut after, scratch);
+            for (((sum, after), before), free) in w.iter_mut().zip(&after).zip(&f).zip(&solved.start.free) {
+                (0..3).for_each(|n| sum[n] += (after[n] - before[n]) * free[n]);
+            }
+        }
         [f, w]
     }
 
@@ -247,12 +277,21 @@ impl Mechanics for Tetrahedra {
         vec![]
     }
 
-    /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
+    /// Of smoothed elements three elements away: a pressure is a mean over volume strains, these are means over their nodes', and those over
+    /// the tetrahedra around.
+    fn reached(&self, _: &Model, wound: &Wound, nodes: &[u32]) -> Vec<u32> {
+        self.now(wound).reached(nodes.to_vec(), if self.smoothed { 3 } else { 1 })
+    }
+
+    /// By the passes over the whole body, in which nodes that were not asked for do not count.
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
         let (u, v): (Vec<_>, Vec<_>) =
             (0..model.node_count()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
         let arrays = self.now(wound);
-        let rotations = arrays.rotations(&u, self.corotational);
+        let rotations = match self.law {
+            None => arrays.rotations(&u, self.corotational),
+            Some(_) => arrays.linearised(&u, For::Damping),
+        };
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
         let scratch = &mut arrays.scratch();
         arrays.forces(&u, &rotations, &mut f, scratch);
@@ -265,7 +304,36 @@ impl Mechanics for Tetrahedra {
     }
 
     fn strain_and_stress(&self, _: &Model, _: usize, _: &[V3<f64>; 8], _: [f64; 3]) -> [M3<f64>; 2] {
-        unreachable!("scenes with probes of strain and stress in tetrahedra are refused")
+        unreachable!("tetrahedra have those of their own places")
+    }
+
+    fn places(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
+        let at = V3::of([0, 1, 2].map(|n| point[n] + model.position[n]));
+        let layer = |e: usize| model.grid.tetrahedron_layer(e);
+        let mut places = self.now(wound).places(&wound.rest, at);
+        let upper = places.iter().map(|(e, _)| layer(*e)).max();
+        places.retain(|(e, _)| Some(layer(*e)) == upper);
+        places
+    }
+
+    /// Of smoothed elements two elements away from the corners.
+    fn reached_from(&self, _: &Model, wound: &Wound, places: &[Place]) -> Vec<u32> {
+        let arrays = self.now(wound);
+        let corners = places.iter().flat_map(|(e, _)| arrays.corners[*e]).collect();
+        arrays.reached(corners, if self.smoothed { 2 } else { 0 })
+    }
+
+    /// Means by volume: at a node those over the tetrahedra around it.
+    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
+        let arrays = self.now(wound);
+        let u: Vec<V4<f64>> = (0..model.node_count()).map(|node| moved(node)[0].pad(0.0)).collect();
+        let all = arrays.strains_and_stresses(&u, self.corotational);
+        let volume: f64 = places.iter().map(|(e, _)| arrays.volume(*e)).sum();
+        let mean = |k: usize| {
+            let add = |sum, (e, _): &Place| sum + all[*e][k] * (arrays.volume(*e) / volume);
+            places.iter().fold(M3::zero(), add)
+        };
+        [0, 1].map(mean)
     }
 
     /// Of a cell of a grid the means over its tetrahedra.
@@ -296,7 +364,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn beyond_law(&self, _: usize, gradient: M3<f64>) -> bool {
-        beyond(gradient - M3::identity(), self.corotational)
+        self.law.is_none() && beyond(gradient - M3::identity(), self.corotational)
     }
 
     fn stays<'a>(&'a self, _: &'a Model, _: &'a [V4<f64>], split: &[u32], _: &'a [V4<f64>]) -> Stays<'a> {

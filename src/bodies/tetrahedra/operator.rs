@@ -5,6 +5,7 @@
 //! removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or moduli, and in no list: it
 //! takes part in every pass and adds nothing.
 
+use crate::bodies::Place;
 use crate::bodies::grid::element::green_lagrange;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix};
 use crate::kernels::{
@@ -18,10 +19,13 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The arrays, as the kernels read them.
-pub use crate::kernels::tetrahedra::{Arrays, Changes};
+pub use crate::kernels::tetrahedra::{Arrays, Changes, Patches};
 
 /// Tetrahedron: corners in positive orientation, layer.
 pub type Tetrahedron = ([u32; 4], usize);
+
+/// Part of a height by which a point may lie outside a tetrahedron that contains it: twice that by which a scene's may lie outside a mesh.
+const OUTSIDE: f64 = 2e-6;
 
 /// Volume, m³, and modulus, Pa, of a domain that is not in use: without a modulus it has no stress.
 const UNUSED: [f64; 2] = [1.0, 0.0];
@@ -31,12 +35,25 @@ pub fn is_removed(corners: &[u32; 4]) -> bool {
     corners[0] == corners[1]
 }
 
-/// Rotations of the tetrahedra and of the domains, as quaternions.
+/// Rotations of the tetrahedra and of the domains, as quaternions; of a hyperelastic law its linearisation ([`tetrahedra_laws`]).
 pub struct Rotations<R> {
     /// `[tetrahedron]`
     pub element: Vec<V4<R>>,
     /// `[domain]`
     pub domain: Vec<V4<R>>,
+    /// `[tetrahedron × 3]` `∂J/∂F`; fourth numbers: volume m³, stiffness of the volume Pa, 0.
+    pub cofactor: Vec<V4<R>>,
+    /// `[domain]`
+    pub frame: Vec<V4<R>>,
+}
+
+/// What a linearisation is for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum For<R> {
+    /// Steps with this factor of the stiffness, [`Params::stiffness_factor`].
+    Steps(R),
+    /// Damping, which is not stiffened.
+    Damping,
 }
 
 /// Lists from (owner, entry) pairs in order: CSR offsets and entries.
@@ -225,6 +242,26 @@ impl Arrays<f64> {
         self.gradients[3 * e][3]
     }
 
+    /// Nodes and those of as many rings of tetrahedra around them, in ascending order.
+    pub fn reached(&self, nodes: Vec<u32>, rings: usize) -> Vec<u32> {
+        let mut all: BTreeSet<u32> = nodes.into_iter().collect();
+        for _ in 0..rings {
+            all = all.iter().flat_map(|i| self.around(*i as usize)).flat_map(|(e, _)| self.corners[e]).collect();
+        }
+        all.into_iter().collect()
+    }
+
+    /// Tetrahedra that contain a rest position, with the weights of their corners 1 to 3 there; `rest` `[node]` m.
+    pub fn places(&self, rest: &[[f64; 3]], at: V3<f64>) -> Vec<Place> {
+        let inside = |(e, corners): (usize, &[u32; 4])| {
+            let from = at - V3::of(rest[corners[0] as usize]);
+            let weights = matrix(&self.gradients, e).0.map(|gradient| gradient.dot(from));
+            let least = weights.iter().fold(1.0 - weights.iter().sum::<f64>(), |least, weight| least.min(*weight));
+            (least >= -OUTSIDE && !is_removed(corners)).then_some((e, weights))
+        };
+        self.corners.iter().enumerate().filter_map(inside).collect()
+    }
+
     /// Gradient of the shape function of a corner, 1/m.
     fn gradient(&self, e: usize, corner: usize) -> V3<f64> {
         let g = matrix(&self.gradients, e).0;
@@ -258,7 +295,9 @@ impl Arrays<f64> {
             }
         }
         for (domain, b) in of_domain {
-            let [volume, shear] = self.shear[domain as usize];
+            let volume = self.shear[domain as usize][0];
+            let first = self.of_domain[self.first_of_domain[domain as usize] as usize] as usize / 4;
+            let shear = self.gradients[3 * first + 2][3];
             sum = sum + of_deviator(b) * (volume * shear / 6.0);
         }
         // volume: t = ∂θ̄_e/∂u_i
@@ -293,11 +332,21 @@ impl Arrays<f64> {
             shear: self.shear.iter().map(round).collect(),
             domains: self.domains.clone(),
             rest_block: self.rest_block.iter().map(round).collect(),
+            laws: self.laws.iter().map(round).collect(),
+            patches: Patches {
+                corners: self.patches.corners.clone(),
+                first: self.patches.first.clone(),
+                members: self.patches.members.clone(),
+                per_volume: self.patches.per_volume.iter().map(|v| R::of(*v)).collect(),
+            },
         }
     }
 
     /// Elastic energy of displacements with the rotations of theirs, J.
     pub fn energy(&self, u: &[V4<f64>], corotational: bool) -> f64 {
+        if self.is_hyperelastic() {
+            return self.energy_of_law(u);
+        }
         let (rotations, total) = (self.rotations(u, corotational), 1);
         let strain = self.strains(total, u, &rotations.element);
         let mut sum = 0.0;
@@ -338,6 +387,11 @@ impl Arrays<f64> {
             }
             // the forces at corners 1 to 3 are V P ∇N_a
             let stress = matrix(forces, e) * matrix(&self.gradients, e).inverse();
+            if self.is_hyperelastic() {
+                let (f, volume) = (moved + M3::identity(), self.volume(e) * (moved + M3::identity()).determinant());
+                let cauchy = stress * f.transpose() * volume.max(FLAT * self.volume(e)).recip();
+                return [green_lagrange(moved), (cauchy + cauchy.transpose()) * 0.5];
+            }
             let turned = stress * rotation_matrix(rotations.element[e]).transpose();
             [green_lagrange(moved), (turned + turned.transpose()) * (0.5 / self.volume(e))]
         };
@@ -345,10 +399,16 @@ impl Arrays<f64> {
     }
 }
 
+/// Least volume ratio in `P Fᵀ/J`, since a tetrahedron that is flat has no Cauchy stress.
+const FLAT: f64 = 1e-6;
+
 /// Second derivative of `|dev sym(u ⊗ b)|² = ½ |u|² |b|² + ⅙ (u·b)²`.
 fn of_deviator(b: V3<f64>) -> M3<f64> {
     M3::diagonal(V3::splat(b.dot(b))) + b.outer(b) * (1.0 / 3.0)
 }
+
+/// Patches of the tetrahedra, lists of their members (offsets and entries), and 1/volume, 1/m³.
+type OfPatches<'a, R> = (&'a [[u32; 4]], &'a [u32], &'a [u32], &'a [R]);
 
 impl<R: Real> Arrays<R> {
     /// Takes what a cut has changed in the same arrays in f64.
@@ -385,13 +445,37 @@ impl<R: Real> Arrays<R> {
 
     /// Rotations at displacements: polar factors, or none of small strains.
     pub fn rotations(&self, u: &[V4<R>], corotational: bool) -> Rotations<R> {
+        if self.is_hyperelastic() {
+            return self.linearised(u, For::Steps(R::one()));
+        }
         let upright = polar::UPRIGHT.map(R::of);
         let (mut element, mut domain) = (vec![upright; self.corners.len()], vec![upright; self.shear.len()]);
         if corotational {
             tetrahedra_rotations::tetrahedra_rotations(&self.corners, &self.gradients, u, &mut element);
             self.means(u, &self.first_of_domain, &self.of_domain, &mut domain);
         }
-        Rotations { element, domain }
+        Rotations { element, domain, cofactor: vec![], frame: vec![] }
+    }
+
+    /// What volumes are averaged over: nodes, or patches of their own.
+    pub(super) fn patches(&self) -> OfPatches<'_, R> {
+        match self.patches.corners.is_empty() {
+            true => (&self.corners, &self.first_of_node, &self.of_node, &self.per_volume),
+            false => (&self.patches.corners, &self.patches.first, &self.patches.members, &self.patches.per_volume),
+        }
+    }
+
+    /// Their number.
+    pub(super) fn patch_count(&self) -> usize {
+        self.patches().3.len()
+    }
+
+    /// Parts of `scratch`: strains of the tetrahedra, then their forces; stresses of the domains; volume strains and pressures of the patches.
+    pub(super) fn divided<'a>(&self, scratch: &'a mut [R]) -> [&'a mut [R]; 4] {
+        let (of_elements, rest) = scratch.split_at_mut(4 * self.gradients.len());
+        let (stress, rest) = rest.split_at_mut(12 * self.shear.len());
+        let (strain, rest) = rest.split_at_mut(self.patch_count());
+        [of_elements, stress, strain, &mut rest[..self.patch_count()]]
     }
 
     /// `[node]` mean rotations around nodes, for their blocks.
@@ -425,13 +509,13 @@ impl<R: Real> Arrays<R> {
 
     /// Its length.
     pub fn scratch_len(&self) -> usize {
-        4 * (self.gradients.len() + 3 * self.shear.len()) + 2 * self.per_volume.len()
+        4 * (self.gradients.len() + 3 * self.shear.len()) + 2 * self.patch_count()
     }
 
-    /// `[node]` volume strains.
-    fn volumes(&self, strain: &[V4<R>], out: &mut [R]) {
-        let (first, members) = (&self.first_of_node, &self.of_node);
-        tetrahedra_volumes::tetrahedra_volumes(&self.gradients, first, members, &self.per_volume, strain, out);
+    /// `[patch]` volume strains.
+    pub(super) fn volumes(&self, strain: &[V4<R>], out: &mut [R]) {
+        let (_, first, members, per_volume) = self.patches();
+        tetrahedra_volumes::tetrahedra_volumes(&self.gradients, first, members, per_volume, strain, out);
     }
 
     /// `[tetrahedron × 3]` forces at corners 1 to 3, N, in `scratch`; `total` is that of [`Params`].
@@ -442,19 +526,22 @@ impl<R: Real> Arrays<R> {
         rotations: &Rotations<R>,
         scratch: &'a mut [R],
     ) -> &'a mut [V4<R>] {
+        if self.is_hyperelastic() {
+            return match total {
+                0 => self.changes_of_law(z, rotations, scratch),
+                _ => self.forces_of_law(z, For::Damping, &mut self.unlinearised(), scratch),
+            };
+        }
         let params = Params { total, ..Params::default() };
         let Self { corners, gradients, first_of_node, of_node, first_of_domain, of_domain, per_volume, .. } = self;
         let element = &rotations.element;
-        // strains of the tetrahedra, then their forces; stresses of the domains; volume strains and pressures of the nodes
-        let (of_elements, rest) = scratch.split_at_mut(4 * gradients.len());
+        let [of_elements, stress, strain, pressure] = self.divided(scratch);
         let of_elements = of_elements.as_chunks_mut().0;
         if !self.smoothed {
             tetrahedra_plain::tetrahedra_plain(&params, corners, gradients, element, z, of_elements);
             return of_elements;
         }
-        let (stress, rest) = rest.split_at_mut(12 * self.shear.len());
         let stress = stress.as_chunks_mut().0;
-        let (strain, pressure) = rest[..2 * per_volume.len()].split_at_mut(per_volume.len());
         tetrahedra_strains::tetrahedra_strains(&params, corners, gradients, element, z, of_elements);
         tetrahedra_domains::tetrahedra_domains(
             &params,

@@ -53,6 +53,7 @@ pub fn element_word(law: Law) -> &'static str {
     match law {
         Law::Fem { element, .. } => word(&[&ELEMENTS[..], &TETRAHEDRA].concat(), element),
         Law::Hyperelastic(material) => word(&MATERIALS, material),
+        Law::LargeTetra { element, .. } => word(&TETRAHEDRA, element),
         Law::Springs { .. } => "springs",
     }
 }
@@ -78,6 +79,7 @@ pub fn most_complete(scene: &Scene) -> Option<Law> {
         Law::Fem { .. } => {
             (skin.mass != Mass::Consistent && skin.mesh.is_none()).then_some(Law::Hyperelastic(Material::NeoHookean))
         }
+        Law::LargeTetra { material, .. } => skin.mesh.is_none().then_some(Law::Hyperelastic(material)),
         Law::Springs { .. } => None,
     };
     let first = complete(scene.skins.first()?)?;

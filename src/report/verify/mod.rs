@@ -20,7 +20,7 @@ use super::Refused;
 use super::inspect::{self, Purpose};
 use super::study::{element_word, grid_words};
 use crate::error::{Error, Result};
-use crate::scene::{BodyId, Integrator, Law, LoadKind, Preconditioner, Probe, ProbeKind, Scene};
+use crate::scene::{BodyId, Integrator, Law, LoadKind, MATERIALS, Preconditioner, Probe, ProbeKind, Scene, word};
 use crate::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -322,6 +322,7 @@ fn law(scene: &Scene) -> String {
     match skin.law {
         Law::Fem { corotational: true, .. } => format!("corotational, {}", element_word(skin.law)),
         Law::Fem { .. } => format!("linear, {}", element_word(skin.law)),
+        Law::LargeTetra { material, .. } => format!("{}, {}", word(&MATERIALS, material), element_word(skin.law)),
         _ => element_word(skin.law).into(),
     }
 }
