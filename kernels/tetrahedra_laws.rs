@@ -10,9 +10,9 @@
 //! and `tetrahedra_laws` → `tetrahedra_large`; for products `tetrahedra_changes` → `tetrahedra_frames`, `tetrahedra_volumes` →
 //! `tetrahedra_pressures` → `tetrahedra_large`. Patches are what volumes are averaged over: nodes, of plain elements the tetrahedra.
 //!
-//! Linearisation as of hexahedra ([`super::hyperelastic::Cell::linearised`]), positive definite, and at least half of the true tangent so that steps do not overshoot (tests/verify
-//! measures it at ν 0.45): volume
-//! along its present gradient, `κ (φ'² + φ φ'') dJ̄²`; in a domain with `A = R_kᵀ dF̄_k`
+//! Linearisation as of hexahedra ([`super::hyperelastic::Cell::linearised`]), positive definite, and at least half of the true tangent, so
+//! that steps do not overshoot (tests/verify measures it at ν 0.45): volume along its present gradient, `κ (φ'² + φ φ'') dJ̄²`; in a domain with
+//! `A = R_kᵀ dF̄_k`
 //!
 //! `R (2 μ s sym A + b s tr A I + τ skew A)`, `s = max(1, |∂φ/∂F|² − 2) − p/(2 μ) max(1, |F|/√3)` (the second where it presses),
 //!

@@ -457,7 +457,7 @@ mod tests {
         let mut random = Random::new(3);
         let mut worst = f64::INFINITY;
         for try_ in 0..2000 {
-            let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
             let forces: Vec<DVec3> = (0..count)
                 .map(|k| DVec3::from_array([0.0; 3].map(|_| sign(k) + f64::from(try_ % 7) * random.signed())))
                 .collect();
