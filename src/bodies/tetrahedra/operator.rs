@@ -35,7 +35,7 @@ pub fn is_removed(corners: &[u32; 4]) -> bool {
     corners[0] == corners[1]
 }
 
-/// Rotations of the tetrahedra and of the domains, as quaternions; of a hyperelastic law its linearisation ([`tetrahedra_laws`]).
+/// Rotations of the tetrahedra and of the domains, as quaternions; of a hyperelastic law its linearisation ([`crate::kernels::tetrahedra_laws`]).
 pub struct Rotations<R> {
     /// `[tetrahedron]`
     pub element: Vec<V4<R>>,
