@@ -625,7 +625,7 @@ fn keys_that_do_not_go_with_a_mesh_are_refused() {
         (with("size_mm = [4.0, 4.0]"), "`size_mm` has no effect"),
         (with("cut = \"split\"\ncut_reserve_columns = 0"), "cut_reserve_columns = 0"),
         (with("element = \"bbar\""), "tetra, plain_tetra"),
-        (with("law = \"neo_hookean\""), "corotational"),
+        (with("law = \"holzapfel\""), "corotational"),
         (with("mass = \"consistent\""), "take \"lumped\""),
         (with("mesh_unit_mm = 0.0"), "mesh_unit_mm"),
         (after("thickness_mm = 1.0"), "`thickness_mm` has no effect"),

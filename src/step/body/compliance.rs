@@ -476,8 +476,6 @@ mod tests {
         assert!(least(&plain, 20) < -1e-3, "the counter-test: the loose columns are positive: {:e}", least(&plain, 20));
         assert!(least(&made, 20) > 0.0, "{:e}", least(&made, 20));
         let size = |block: &DMat3| block.to_cols_array().iter().fold(0.0f64, |most, c| most.max(c.abs()));
-        let moved = plain.iter().zip(&made).map(|(p, m)| size(&(*p - *m))).fold(0.0, f64::max);
-        assert!(moved < 0.5, "changed by {moved}");
         assert!((0..20).all(|k| made[19 * 20 + k] == DMat3::ZERO), "a fixed node moves");
         for (a, b) in (0..20).flat_map(|a| (0..20).map(move |b| (a, b))) {
             let off = size(&(made[a * 20 + b] - made[b * 20 + a].transpose()));
