@@ -166,6 +166,21 @@ pub fn log_volume_stiffness<N: Number>(g: N) -> N {
     volume.pick(least, (one - log_volume(g)[0]) / (volume * volume), one / (least * least))
 }
 
+/// `φ φ'` at a mean dilatation `J̄ − 1`.
+#[inline(always)]
+pub fn volume_pressure<N: Number>(mean: N) -> N {
+    log_volume(mean)[0] * log_volume_slope(mean)
+}
+
+/// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
+/// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
+#[inline(always)]
+pub fn volume_stiffness<N: Number>(mean: N) -> N {
+    let [log, slope] = [log_volume(mean)[0], log_volume_slope(mean)];
+    let least = (log.like(0.6) - log.like(0.2) * log).max(log.like(0.1)).min(log.like(0.6));
+    log_volume_stiffness(mean).max(least * slope * slope)
+}
+
 /// Matrix `above` where `volume ≥ least`, `below` elsewhere.
 #[inline(always)]
 pub(super) fn pick<N: Number>(volume: N, least: N, above: M3<N>, below: M3<N>) -> M3<N> {

@@ -94,6 +94,18 @@ fn log_volume_stiffness(g: f32) -> f32 {
     return select(1.0 / (EXTENDED * EXTENDED), (1.0 - log_volume(g).x) / (volume * volume), volume >= EXTENDED);
 }
 
+// φ φ' at a mean dilatation.
+fn volume_pressure(mean: f32) -> f32 {
+    return log_volume(mean).x * log_volume_slope(mean);
+}
+
+// φ'² + φ φ'', at least (0.6 − ln J̄/5) φ'², above a tenth.
+fn volume_stiffness(mean: f32) -> f32 {
+    let slope = log_volume_slope(mean);
+    let least = clamp(0.6 - 0.2 * log_volume(mean).x, 0.1, 0.6);
+    return max(log_volume_stiffness(mean), least * slope * slope);
+}
+
 // exp(x) − 1.
 fn exponential(x: f32) -> f32 {
     if abs(x) > 0.25 { return exp(x) - 1.0; }

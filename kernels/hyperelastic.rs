@@ -19,7 +19,7 @@
 //! Units: u m, edges m, κ Pa, W J, f N.
 
 use super::deformation::{
-    EXTENDED, Point, corner_sums, field_gradients, log_volume, log_volume_slope, log_volume_stiffness,
+    EXTENDED, Point, corner_sums, field_gradients, log_volume, log_volume_slope, volume_stiffness,
 };
 use super::holzapfel::{self, Fibres};
 use super::linearised::{HYPERELASTIC, Rows};
@@ -404,21 +404,6 @@ impl<N: Number> Cell<N> {
         let s = ((pressed + volume + sheared + fibrous) * strained).min(one.like(STIFFEST));
         one + (s - one) / factor
     }
-}
-
-/// `φ φ'` at a mean dilatation `J̄ − 1`.
-#[inline(always)]
-pub fn volume_pressure<N: Number>(mean: N) -> N {
-    log_volume(mean)[0] * log_volume_slope(mean)
-}
-
-/// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
-/// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
-#[inline(always)]
-pub fn volume_stiffness<N: Number>(mean: N) -> N {
-    let [log, slope] = [log_volume(mean)[0], log_volume_slope(mean)];
-    let least = (log.like(0.6) - log.like(0.2) * log).max(log.like(0.1)).min(log.like(0.6));
-    log_volume_stiffness(mean).max(least * slope * slope)
 }
 
 /// Stiffness of the mean volume of a box at rest by corner and axis, `κ V b ⊗ b` with the mean gradients `b`, N/m.

@@ -16,12 +16,6 @@ const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
 const STIFFEST: f32 = 1e6;
 
-fn volume_stiffness(mean: f32) -> f32 {
-    let slope = log_volume_slope(mean);
-    let least = clamp(0.6 - 0.2 * log_volume(mean).x, 0.1, 0.6);
-    return max(log_volume_stiffness(mean), least * slope * slope);
-}
-
 // Of the mean stress in the cell's frame, Pa.
 fn largest_tension(own: Cell, turn: mat3x3<f32>, force: array<vec3<f32>, 8>) -> f32 {
     var mean = mat3x3<f32>();

@@ -86,6 +86,16 @@ pub fn matrix<R: Real>(columns: &[V4<R>], at: usize) -> M3<R> {
     M3([0, 1, 2].map(|n| V3::from4(columns[3 * at + n])))
 }
 
+/// Mean of the columns and of the first fourth number of a domain's tetrahedra: `members` has 4 × tetrahedron, `per_volume` is one over the
+/// sum of their volumes, 1/m³.
+pub fn mean<R: Real>(gradients: &[V4<R>], members: &[u32], columns: &[V4<R>], per_volume: R) -> (M3<R>, R) {
+    members.iter().fold((M3::zero(), R::zero()), |(sum, number), entry| {
+        let e = (entry / 4) as usize;
+        let weight = gradients[3 * e][3] * per_volume;
+        (sum + matrix(columns, e) * weight, number + columns[3 * e][3] * weight)
+    })
+}
+
 /// Displacement gradient of a tetrahedron, from differences to corner 0.
 #[inline(always)]
 pub fn displacement_gradient<R: Real>(gradients: &[V4<R>], e: usize, corners: [u32; 4], u: &[V4<R>]) -> M3<R> {

@@ -3,23 +3,14 @@
 //!
 //! Units: τ Pa.
 
-use super::tetrahedra::{FEWEST, deviator, matrix};
+use super::tetrahedra::{FEWEST, deviator, mean};
 use super::{Params, Source};
-use crate::math::{M3, Real, V4, rotation_matrix};
+use crate::math::{Real, V4, rotation_matrix};
 use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source =
     Source { name: "tetrahedra_domains", wgsl: include_str!("tetrahedra_domains.wgsl"), params: Params::<f32>::FIELDS };
-
-/// Mean displacement gradient of a domain: `members` has 4 × tetrahedron, `volume` is the sum of theirs, m³.
-pub fn mean<R: Real>(gradients: &[V4<R>], members: &[u32], strain: &[V4<R>], volume: R) -> M3<R> {
-    let per_volume = R::one() / volume;
-    members.iter().fold(M3::zero(), |sum, entry| {
-        let e = (entry / 4) as usize;
-        sum + matrix(strain, e) * (gradients[3 * e][3] * per_volume)
-    })
-}
 
 /// One right-hand side.
 pub fn tetrahedra_domains<R: Real>(
@@ -35,7 +26,7 @@ pub fn tetrahedra_domains<R: Real>(
     domain_stress.par_chunks_mut(3).with_min_len(FEWEST).enumerate().for_each(|(k, stress)| {
         let members = &of_domain[first_of_domain[k] as usize..first_of_domain[k + 1] as usize];
         let (q, [volume, modulus]) = (domain_rotation[k], shear[k]);
-        let strain = deviator(mean(gradients, members, strain, volume), q, params.total);
+        let strain = deviator(mean(gradients, members, strain, R::one() / volume).0, q, params.total);
         let own = rotation_matrix(q) * strain * (modulus * R::of(1.0 / 3.0));
         stress.copy_from_slice(&own.0.map(|column| column.pad(R::zero())));
     });

@@ -3,7 +3,7 @@
 //!
 //! Units: stress Pa.
 
-use super::tetrahedra::{FEWEST, matrix};
+use super::tetrahedra::{FEWEST, mean};
 use super::{Params, Source};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;
@@ -25,11 +25,7 @@ pub fn tetrahedra_frames<R: Real>(
     domain_stress.par_chunks_mut(3).with_min_len(FEWEST).enumerate().for_each(|(k, stress)| {
         let members = &of_domain[first_of_domain[k] as usize..first_of_domain[k + 1] as usize];
         let (rotation, [a, b, t, per_volume]) = (rotation_matrix(domain_rotation[k]), frame[k]);
-        let mean = members.iter().fold(M3::zero(), |sum, entry| {
-            let e = (entry / 4) as usize;
-            sum + matrix(strain, e) * (gradients[3 * e][3] * per_volume)
-        });
-        let change = rotation.transpose() * mean;
+        let change = rotation.transpose() * mean(gradients, members, strain, per_volume).0;
         let (half, turned) = (R::of(0.5), change.transpose());
         let even = (change + turned) * (a * half) + M3::diagonal(V3::splat(b * change.trace()));
         let found = rotation * (even + (change - turned) * (t * half));

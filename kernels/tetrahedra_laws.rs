@@ -1,13 +1,14 @@
 //! Stress of each domain of hyperelastic tetrahedra, and its linearisation.
 //!
-//! Energy: `Σ_k V_k W'(F̄_k) + Σ_e V_e κ_e/2 φ(J̄_e)²` with the domains and means of [`super::tetrahedra`]: `F̄_k` over the tetrahedra around an
-//! edge in one material, `J_a = Σ V_e J_e / Σ V_e` at nodes over all materials, `J̄_e` the mean of the element's four nodes; `W'`, `κ` and `φ`, which
-//! is `ln J` extended below a tenth of the volume at rest, are those of [`super::hyperelastic`]. Plain elements: a domain is a tetrahedron, and
-//! `J̄_e = J_e`. Stress of an element, exactly the energy's derivative: `Σ_k ⅙ P'_k + p̄_e cof F_e`, `p̄` the mean of its nodes' `Σ V_e κ φ φ' / Σ V_e`.
-//! In smoothed elements the means alone enter the energy, so one that is inverted between others is not pushed open by itself.
+//! Energy: `Σ_k V_k W'(F̄_k) + Σ_e V_e κ_e/2 φ(J̄_e)²` with the domains and means of [`super::tetrahedra`]: `F̄_k` over the tetrahedra
+//! around an edge in one material, `J_a = Σ V_e J_e / Σ V_e` at nodes over all materials, `J̄_e` the mean of the element's four nodes; `W'`,
+//! `κ` and `φ`, which is `ln J` extended below a tenth of the volume at rest, are those of [`super::hyperelastic`]. Plain elements: a domain
+//! is a tetrahedron, and `J̄_e = J_e`. Stress of an element, exactly the energy's derivative: `Σ_k ⅙ P'_k + p̄_e cof F_e`, `p̄` the mean of its
+//! nodes' `Σ V_e κ φ φ' / Σ V_e`. In smoothed elements the means alone enter the energy, so one that is inverted between others is not pushed
+//! open by itself.
 //!
-//! Passes: `tetrahedra_deformations` → `tetrahedra_means`, `tetrahedra_volumes` → `tetrahedra_pressed` → `tetrahedra_volumes`, which averages pressures,
-//! and `tetrahedra_laws` → `tetrahedra_large`; for products `tetrahedra_changes` → `tetrahedra_frames`, `tetrahedra_volumes` →
+//! Passes: `tetrahedra_deformations` → `tetrahedra_means`, `tetrahedra_volumes` → `tetrahedra_pressed` → `tetrahedra_volumes`, which averages
+//! pressures, and `tetrahedra_laws` → `tetrahedra_large`; for products `tetrahedra_changes` → `tetrahedra_frames`, `tetrahedra_volumes` →
 //! `tetrahedra_pressures` → `tetrahedra_large`. Patches are what volumes are averaged over: nodes, of plain elements the tetrahedra.
 //!
 //! Linearisation as of hexahedra ([`super::hyperelastic::Cell::linearised`]), positive definite, and at least half of the true tangent, so
@@ -18,14 +19,15 @@
 //!
 //! `b` 0, or `−⅔ μ` of isochoric laws, `τ = ½ (⅔ tr T + √⅔ |dev T|)` of the Biot stress `T` if positive. With the factor `f = 1 + r_K/h` of
 //! damping, `1 + (s − 1)/f` and `τ/f`.
-//! Source: the means of Nguyen-Thoi 2009 and Bonet, Burton 1998 (see `tetrahedra`) in the energy. Differs: no modified `F`; `W'` keeps its own form.
+//! Source: the means of Nguyen-Thoi 2009 and Bonet, Burton 1998 (see `tetrahedra`) in the energy. Differs: no modified `F`; `W'` keeps its own
+//! form.
 //! Units: stress Pa.
 
 use super::deformation::{EXTENDED, Point, log_volume_slope};
 use super::hyperelastic::{Material, STIFFENED, STIFFEST};
-use super::tetrahedra::{FEWEST, matrix};
+use super::tetrahedra::{FEWEST, mean};
 use super::{Params, Source};
-use crate::math::{M3, Real, V4, rotation_matrix};
+use crate::math::{Real, V4, rotation_matrix};
 use rayon::prelude::*;
 
 /// The shader.
@@ -35,16 +37,6 @@ pub const SOURCE: Source =
 /// The law of a layer from its row of constants.
 pub fn material<R: Real>(row: V4<R>) -> Material<R> {
     Material::of([R::one(); 4], row, [[R::zero(); 4]; 2], [R::zero(); 4])
-}
-
-/// Mean displacement gradient of a domain, and the mean of the fourth numbers; of no tetrahedra 0.
-pub fn means<R: Real>(gradients: &[V4<R>], members: &[u32], strain: &[V4<R>], volume: R) -> (M3<R>, R) {
-    let per_volume = R::one() / volume;
-    members.iter().fold((M3::zero(), R::zero()), |(gradient, number), entry| {
-        let e = (entry / 4) as usize;
-        let weight = gradients[3 * e][3] * per_volume;
-        (gradient + matrix(strain, e) * weight, number + strain[3 * e][3] * weight)
-    })
 }
 
 /// All domains.
@@ -66,8 +58,8 @@ pub fn tetrahedra_laws<R: Real>(
         let members = &of_domain[first_of_domain[k] as usize..first_of_domain[k + 1] as usize];
         let [volume, layer] = shear[k];
         let row = laws[layer.f64() as usize];
-        let (mean, pressure) = means(gradients, members, strain, volume);
-        let (point, own) = (Point::new(mean), material(row));
+        let (gradient, pressure) = mean(gradients, members, strain, one / volume);
+        let (point, own) = (Point::new(gradient), material(row));
         let found = own.stress(&point);
         stress.copy_from_slice(&(found * sixth).0.map(|column| column.pad(zero)));
         let f = point.gradient();

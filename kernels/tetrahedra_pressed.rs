@@ -4,7 +4,7 @@
 //!
 //! Units: κ p Pa, positive in tension.
 
-use super::hyperelastic::{volume_pressure, volume_stiffness};
+use super::deformation::{volume_pressure, volume_stiffness};
 use super::tetrahedra::FEWEST;
 use super::{Params, Source};
 use crate::math::{Real, V4};

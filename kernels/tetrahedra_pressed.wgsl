@@ -13,9 +13,6 @@ fn tetrahedra_pressed(thread: Thread) {
     let c = corners[e];
     let mean = (nodal_strain[c.x] + nodal_strain[c.y] + nodal_strain[c.z] + nodal_strain[c.w]) * 0.25;
     let bulk = gradients[3u * e + 1u].w;
-    let slope = log_volume_slope(mean);
-    let log_mean = log_volume(mean).x;
-    let least = clamp(0.6 - 0.2 * log_mean, 0.1, 0.6);
-    strain[3u * e].w = bulk * (log_mean * slope);
-    cofactor[3u * e + 1u].w = bulk * max(log_volume_stiffness(mean), least * slope * slope);
+    strain[3u * e].w = bulk * volume_pressure(mean);
+    cofactor[3u * e + 1u].w = bulk * volume_stiffness(mean);
 }

@@ -337,18 +337,14 @@ impl Model {
         });
         let shape: Vec<[f64; 4]> = shape.collect();
         // elements; fails if the scene's solver does not support them
-        let kind = match skin.law {
-            Law::Springs { .. } => {
-                springs::check(scene, body)?;
-                Kind::Springs(Box::default())
-            }
-            Law::Fem { .. } | Law::LargeTetra { .. } if skin.law.is_tetrahedral() => {
-                tetrahedra::check(scene, body)?;
-                Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
-            }
-            Law::Fem { .. } | Law::Hyperelastic(_) | Law::LargeTetra { .. } => {
-                Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
-            }
+        let kind = if skin.law.is_tetrahedral() {
+            tetrahedra::check(scene, body)?;
+            Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
+        } else if let Law::Springs { .. } = skin.law {
+            springs::check(scene, body)?;
+            Kind::Springs(Box::default())
+        } else {
+            Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
         };
         if skin.mass == Mass::Consistent && scene.anchors.iter().any(|a| a.body == body) {
             return Err(Refused::AnchoredMass.into());

@@ -9,6 +9,7 @@ mod text;
 
 use args::{Backend, Cli, Command, HaplyMock, Precision, Run};
 use cutis::bodies::Model;
+use cutis::bodies::tetrahedra::with_meshes;
 use cutis::error::Error;
 use cutis::formats::{self, Encoding, Format};
 use cutis::haptic::haply::mock::{Event, Mock, Options};
@@ -324,8 +325,9 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
         check::known(&scene)?;
         inspect::fits(&scene, Purpose::Single)?;
         // what only the set-up of a body refuses
-        (0..scene.skins.len())
-            .try_for_each(|body| Model::of_sizes(&scene, body).map(drop))
+        let meshed = with_meshes(&scene)?;
+        (0..meshed.skins.len())
+            .try_for_each(|body| Model::of_sizes(&meshed, body).map(drop))
             .map_err(|e| e.of_scene(&scene))?;
         Ok(scene)
     };

@@ -12,6 +12,7 @@
 use super::Refused;
 use crate::backend::{GpuBackend, Snapshot};
 use crate::bodies::Model;
+use crate::bodies::tetrahedra::with_meshes;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
 use crate::scene::{BodyId, Correction, Cut, Integrator, Law, ProbeKind, Scene, Skin, cells_of, free, reserve_of};
@@ -110,6 +111,7 @@ fn all_bodies(scene: &Scene) -> Result<Plan> {
         read_backs: read_backs(scene),
         ..Plan::default()
     };
+    let scene = &*with_meshes(scene)?;
     for number in 0..scene.skins.len() {
         add_body(&mut plan, scene, &Model::of_sizes(scene, number)?)?;
     }
@@ -312,10 +314,11 @@ pub fn fits(scene: &Scene, purpose: Purpose) -> Result<()> {
             Cut::Split { reserve_columns } if cuts => u64::from(reserve_columns),
             _ => 0,
         };
+        let of_column = if skin.is_without_columns() { 1 } else { z };
         let [of_grid, of_reserve] = purpose.of_node(skin, scene.contact.is_some());
         let parts = [
             (nodes * of_grid, cells_of(&skin.name), key),
-            (reserve * z * of_reserve, reserve_of(&skin.name), "cut_reserve_columns"),
+            (reserve * of_column * of_reserve, reserve_of(&skin.name), "cut_reserve_columns"),
         ];
         for part in parts {
             wanted += part.0;

@@ -130,6 +130,11 @@ pub(super) fn skin(
     let cut = match (&mesh, &embedded) {
         (_, Some(_)) => Cut::Remove,
         (Some(mesh), None) => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_mesh(mesh.nodes().len()))?,
+        (None, None) if law.is_tetrahedral() => {
+            let z = 1 + layers.iter().map(|layer| layer.cells as usize).sum::<usize>();
+            let nodes = z * (cells[0] as usize + 1) * (cells[1] as usize + 1);
+            cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_mesh(nodes))?
+        }
         (None, None) => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_grid(cells))?,
     };
     reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
@@ -226,7 +231,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     if raw.mesh.is_some() && raw.embed.is_none() {
         let element = element("tetra", &TETRAHEDRA)?;
         let of_springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
-        let name = or(raw.law.clone(), "corotational".to_string());
+        let name = or(raw.law.clone(), "neo_hookean".to_string());
         let known = [&hyperelastic::laws_of_tetrahedra(element)[..], &[("springs", of_springs)]].concat();
         let law = scene.choice("law", &name, &known)?;
         if !matches!(law, Law::Springs { .. }) {

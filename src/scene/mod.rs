@@ -322,8 +322,7 @@ pub struct Skin {
 impl Skin {
     /// Whether tools that carve remove its cells, or its tetrahedra.
     pub fn can_be_carved(&self) -> bool {
-        let of_mesh = self.law.is_tetrahedral() && self.mesh.is_some();
-        (self.law.is_hexahedral() || of_mesh) && self.cut == Cut::Remove && self.embedded.is_none()
+        !matches!(self.law, Law::Springs { .. }) && self.cut == Cut::Remove && self.embedded.is_none()
     }
 
     /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.
@@ -332,7 +331,7 @@ impl Skin {
     }
 }
 
-/// Effect of a blade on a body of hexahedra, or of the tetrahedra of a mesh.
+/// Effect of a blade on a body of hexahedra or of tetrahedra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
     /// Severs links between cells and duplicates the nodes between disconnected cells; no volume is lost.

@@ -163,7 +163,7 @@ pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Co
     match skins.iter().any(Skin::can_be_carved) {
         true => Ok(()),
         false => unfit(
-            "it removes whole hexahedra, or tetrahedra of a mesh; write cut = \"remove\" in the [skin] or [[block]] that it carves, of these",
+            "it removes whole hexahedra or tetrahedra; write cut = \"remove\" in the [skin] or [[block]] that it carves, of these",
         ),
     }
 }

@@ -6,7 +6,7 @@ mod points;
 pub use points::{ContactPoint, PointKind};
 
 use super::rows::Rows;
-use super::{Part, Simulation, StepReport};
+use super::{Body, Part, Simulation, StepReport};
 use crate::backend::CORRECTION;
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
@@ -224,13 +224,18 @@ impl Simulation {
 
     /// `W` of the bodies' present compliance.
     fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
-        let between = |body: usize, a: u32, b: u32| match problem.law.correction {
-            Correction::Exact => self.bodies[body].compliance.block(a, b),
-            Correction::Precomputed => self.bodies[body].at_rest.block(a, b),
-            Correction::Uncoupled => match problem.nodes[body].binary_search(&a) {
-                Ok(k) if a == b => problem.blocks[body][k],
-                _ => DMat3::ZERO,
-            },
+        let correction = problem.law.correction;
+        let among = |(body, nodes): (&Body, &Vec<u32>)| match correction {
+            Correction::Exact => body.compliance.positive(nodes),
+            _ => vec![],
+        };
+        let among: Vec<Vec<DMat3>> = self.bodies.iter().zip(&problem.nodes).map(among).collect();
+        let number = |body: usize, node: u32| problem.nodes[body].binary_search(&node).ok();
+        let between = |body: usize, a: u32, b: u32| match (correction, number(body, a), number(body, b)) {
+            (Correction::Exact, Some(i), Some(j)) => among[body][i * problem.nodes[body].len() + j],
+            (Correction::Precomputed, ..) => self.bodies[body].at_rest.block(a, b),
+            (Correction::Uncoupled, Some(i), Some(j)) if i == j => problem.blocks[body][i],
+            _ => DMat3::ZERO,
         };
         problem.rows.compliance(&between, problem.free)
     }

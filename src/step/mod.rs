@@ -51,6 +51,7 @@ pub use state::State;
 use crate::backend::{Device, Snapshot};
 use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
+use crate::bodies::tetrahedra::with_meshes;
 use crate::collide::Contact;
 use crate::error::{Result, unless};
 use crate::gpu::Gpu;
@@ -246,6 +247,7 @@ impl Simulation {
 
     /// Prepares a scene that has passed [`Scene::check`].
     fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
+        let scene = &*with_meshes(scene)?;
         let body = |number| Body::new(scene, number, gpu.as_ref(), single);
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
         let tools: Vec<Instrument> = scene.tools.iter().map(|t| Instrument::new(t, scene.time.gravity)).collect();

@@ -13,10 +13,6 @@ use std::collections::BTreeMap;
 /// Signs of the two bodies of a contact.
 const SIGN: [f64; 2] = [1.0, -1.0];
 
-/// Least relative compliance of two points of one body, as a share of the sum of their own. The lips of a flap move together thousands of
-/// times more than apart, and the difference of loose, aged columns may be negative; passes observe the true compliance.
-const MIN_RELATIVE_COMPLIANCE: f64 = 1e-3;
-
 /// See the module.
 pub(super) struct Rows<'a> {
     pub contacts: &'a [Contact],
@@ -60,11 +56,6 @@ impl<'a> Rows<'a> {
         let mut out = vec![[0.0; 3]; self.contacts.len()];
         self.of.iter().zip(values).for_each(|((contact, axis), value)| out[*contact][*axis] = *value);
         out
-    }
-
-    /// True if two points of one body touch each other.
-    pub fn has_lips(&self) -> bool {
-        self.contacts.iter().any(|contact| contact.on[0] == contact.on[1])
     }
 
     /// Sign and side of a body in a row's contact; `None` for other bodies.
@@ -181,7 +172,6 @@ impl<'a> Rows<'a> {
     ) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
-        let mut alone = [0.0; 3]; // compliance of each side by itself
         // all pairs of sides on the same body
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             if a.on[s] != b.on[t] {
@@ -206,15 +196,10 @@ impl<'a> Rows<'a> {
                     }
                     for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
                         sum[m][n] += sign * b.axes[n].dot(compliance * a.axes[m]);
-                        alone[m] += if m == n && s == t { b.axes[n].dot(compliance * a.axes[m]) } else { 0.0 };
                     }
                 }
                 BodyId::Plane(_) | BodyId::World => {}
             }
-        }
-        // two points of one body: bound their relative compliance from below
-        if i == j && a.on[0] == a.on[1] {
-            (0..3).for_each(|m| sum[m][m] = sum[m][m].max(MIN_RELATIVE_COMPLIANCE * alone[m]));
         }
         sum
     }
@@ -228,7 +213,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// `λᵀ W λ`, N·m; 0 along forces for which a `W` of loosely solved columns is negative.
+/// `λᵀ W λ`, N·m; 0 where rounding would make it negative.
 pub(super) fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
     rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)

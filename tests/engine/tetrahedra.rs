@@ -2,7 +2,7 @@
 
 use cutis::scene::Element::{Bbar, PlainTetra, Tetra};
 use cutis::scene::{
-    Blade, Component, Element, Law, Mass, Material, OutputField, Preconditioner, Probe, ProbeKind, Scene, read,
+    Component, Element, Law, Mass, Material, OutputField, Preconditioner, Probe, ProbeKind, Scene, read,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -94,11 +94,9 @@ fn go_on(scene: &Scene) {
 #[test]
 fn what_is_for_other_elements_is_refused() {
     type Change = fn(&mut Scene);
-    let changes: [(Change, &str); 5] = [
+    let changes: [(Change, &str); 4] = [
         (|scene| scene.solver.preconditioner = Preconditioner::Multigrid, "take \"block\""),
         (|scene| scene.skins[0].mass = Mass::Consistent, "take \"lumped\""),
-        // of a mesh they are cut
-        (|scene| scene.tools[0].blade = Some(Blade::default()), "give the body a `mesh`"),
         (|scene| scene.skins[0].layers[0].pre_strain = [0.05; 2], "pre_strain"),
         (|scene| scene.solver.preconditioner = Preconditioner::Direct, "take \"block\""),
     ];

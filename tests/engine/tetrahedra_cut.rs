@@ -511,6 +511,56 @@ fn a_ball_carves_tetrahedra_as_deep_as_it_goes() {
     assert_eq!(simulation.totals().tetrahedra, 0);
 }
 
+/// Steps through a scene of a grid, which becomes a mesh: links severed, tetrahedra removed, and tetrahedra of it.
+fn of_grid(scene: &Scene) -> [usize; 3] {
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    for _ in 0..scene.time.steps() {
+        let warnings = simulation.step(false).unwrap_or_else(|e| panic!("{e}")).warnings;
+        assert!(warnings.keys().all(|key| *key == "strain_beyond_law"), "{warnings:?}");
+    }
+    let (totals, body) = (simulation.totals(), &simulation.bodies[0]);
+    assert!(faults(scene, &body.model, &body.wound).is_empty());
+    [totals.links, totals.tetrahedra, body.wound.surface.present().len()]
+}
+
+#[test]
+fn a_grid_of_tetrahedra_is_cut() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let text = std::fs::read_to_string(folder.join("skin_tetra_cut.toml")).expect("the scene is there");
+    let text = text
+        .replace("mesh = \"meshes/skin_fine.msh\"", "size_mm = [16.0, 10.0]\ncells = [16, 10]")
+        .replace("name = \"skin\"", "name = \"skin\"\nthickness_mm = 2.3\ncells = 2");
+    let read = |text: &str| {
+        parse(text, Path::new("grid.toml"), &Files::Folder(folder.clone())).unwrap_or_else(|e| panic!("{e}"))
+    };
+    // nodes as of a mesh are kept for duplicates, no columns
+    let scene = read(&text);
+    assert_eq!(scene.skins[0].cut, Cut::Split { reserve_columns: 4 * 9 * 9 });
+    let [links, removed, count] = of_grid(&scene);
+    assert!((20..80).contains(&links) && removed == 0 && count == 6 * 16 * 10 * 2, "{links} {removed} {count}");
+    let [links, removed, _] = of_grid(&read(&text.replace("[skin]\n", "[skin]\ncut = \"remove\"\n")));
+    assert!(links == 0 && removed > 10, "{links} {removed}");
+    // the counter-test: a blade that stays above
+    let above = read(&text.replace("14.8]", "16.6]"));
+    assert_eq!(of_grid(&above)[..2], [0, 0]);
+}
+
+#[test]
+fn a_grid_of_tetrahedra_is_carved() {
+    let mut scene = carved();
+    let skin = &mut scene.skins[0];
+    let mesh = skin.mesh.take().expect("a mesh");
+    skin.cells = [8, 6];
+    let count = skin.layers.len();
+    skin.layers.iter_mut().for_each(|layer| (layer.thickness, layer.cells) = (mesh.size()[2] / count as f64, 3));
+    scene.check().unwrap_or_else(|e| panic!("{e}"));
+    let [links, removed, _] = of_grid(&scene);
+    assert!(links == 0 && removed > 20, "{links} {removed}");
+    scene.skins[0].cut = Cut::Split { reserve_columns: 10 };
+    let refused = scene.check().expect_err("nothing is left that it may carve").to_string();
+    assert!(refused.contains("carves"), "{refused}");
+}
+
 #[test]
 #[ignore = "measures times: cargo test --release --test engine tetrahedra_cut -- --ignored --nocapture"]
 fn what_a_cut_costs() {

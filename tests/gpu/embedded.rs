@@ -26,6 +26,9 @@ fn pad(preconditioner: Preconditioner) -> Result<Scene, Failure> {
     scene.skins[0].cells = [10, 8];
     scene.skins[0].layers[0].cells = 5;
     scene.solver.tolerance = 1e-5;
+    if let Some(contact) = &mut scene.contact {
+        contact.tolerance = 1e-5;
+    }
     scene.solver.preconditioner = preconditioner;
     Ok(scene)
 }

@@ -249,8 +249,8 @@ fn at_places(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
     places_of_the_block().into_iter().map(of).collect()
 }
 
-/// Strains of the tetrahedra's own gradients, those that belong to their stresses, and these, against hexahedra of mean dilatation on the fine
-/// grid: root mean square of the differences, relative.
+/// Strains, those that belong to the stresses by Hooke's law, and stresses, against hexahedra of mean dilatation on the fine grid: root mean
+/// square of the differences, relative. (Strains of the tetrahedra's own gradients, which these are not: 38 and 18 %.)
 fn converging() {
     let wanted = at_places(Grid::Fine, Element::Bbar);
     let layers = scene("verify/skin_block_049.toml").skins[0].layers.clone();
@@ -274,9 +274,10 @@ fn converging() {
         [0, 1, 2].map(|n| (sums[n] / sizes[n]).sqrt())
     };
     let (coarse, fine) = (errors(Grid::Coarse), errors(Grid::Fine));
-    for (what, n) in [("own strains", 0), ("strains of the stresses", 1), ("stresses", 2)] {
+    for (what, n) in [("strains", 0), ("strains of the stresses", 1), ("stresses", 2)] {
         measured(&format!("{what} on 20 × 20 × 5 and 40 × 40 × 8 cells, off"), coarse[n], fine[n]);
         assert!(fine[n] < 0.8 * coarse[n], "{what}: {:.3}, then {:.3}", coarse[n], fine[n]);
+        assert!(coarse[n] < 0.3, "{what}: {:.3}", coarse[n]);
     }
 }
 

@@ -8,7 +8,7 @@ use super::operator::{Arrays, For, Rotations, Tetrahedron};
 use crate::kernels::deformation::{Point, log_volume};
 use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::{
-    Params, tetrahedra_changes, tetrahedra_deformations, tetrahedra_domains, tetrahedra_frames, tetrahedra_large,
+    Params, tetrahedra, tetrahedra_changes, tetrahedra_deformations, tetrahedra_frames, tetrahedra_large,
     tetrahedra_laws, tetrahedra_means, tetrahedra_pressed, tetrahedra_pressures,
 };
 use crate::math::{Real, V4};
@@ -53,7 +53,7 @@ impl Arrays<f64> {
         let share = if self.smoothed { 1.0 / 6.0 } else { 1.0 };
         let of_domain = |(k, [volume, layer]): (usize, &[f64; 2])| {
             let members = &self.of_domain[self.first_of_domain[k] as usize..self.first_of_domain[k + 1] as usize];
-            let gradient = tetrahedra_domains::mean(&self.gradients, members, &strain, *volume);
+            let (gradient, _) = tetrahedra::mean(&self.gradients, members, &strain, 1.0 / *volume);
             share * volume * tetrahedra_laws::material(self.laws[*layer as usize]).energy(&Point::new(gradient))
         };
         patches.iter().enumerate().map(of_volume).sum::<f64>()

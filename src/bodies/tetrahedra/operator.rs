@@ -6,13 +6,12 @@
 //! takes part in every pass and adds nothing.
 
 use crate::bodies::Place;
-use crate::bodies::grid::element::green_lagrange;
-use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix};
+use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix, mean};
 use crate::kernels::{
     Params, polar, tetrahedra_domains, tetrahedra_forces, tetrahedra_means, tetrahedra_plain, tetrahedra_pressures,
     tetrahedra_product, tetrahedra_rotations, tetrahedra_smoothed, tetrahedra_strains, tetrahedra_volumes,
 };
-use crate::math::{M3, Real, V3, V4, rotation_matrix, round};
+use crate::math::{M3, Real, V3, V4, round};
 use crate::mesh::PAIRS;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -367,40 +366,13 @@ impl Arrays<f64> {
         }
         for (k, [volume, shear]) in self.shear.iter().enumerate() {
             let members = &self.of_domain[self.first_of_domain[k] as usize..self.first_of_domain[k + 1] as usize];
-            let mean = tetrahedra_domains::mean(&self.gradients, members, &strain, *volume);
-            let deviator = deviator(mean, rotations.domain[k], total);
+            let (gradient, _) = mean(&self.gradients, members, &strain, 1.0 / *volume);
+            let deviator = deviator(gradient, rotations.domain[k], total);
             sum += volume * shear / 6.0 * deviator.dot(deviator);
         }
         sum
     }
-
-    /// `[tetrahedron]` Green–Lagrange strain and Cauchy stress, Pa, at displacements. The stress is the one that the element's forces come
-    /// from: of smoothed elements the means over its edges (deviator) and corners (pressure), turned back by its own rotation as far as
-    /// theirs differ.
-    pub fn strains_and_stresses(&self, u: &[V4<f64>], corotational: bool) -> Vec<[M3<f64>; 2]> {
-        let rotations = self.rotations(u, corotational);
-        let mut scratch = self.scratch();
-        let forces = self.corner_forces(1, u, &rotations, &mut scratch);
-        let of = |(e, moved): (usize, M3<f64>)| {
-            if is_removed(&self.corners[e]) {
-                return [M3::zero(); 2];
-            }
-            // the forces at corners 1 to 3 are V P ∇N_a
-            let stress = matrix(forces, e) * matrix(&self.gradients, e).inverse();
-            if self.is_hyperelastic() {
-                let (f, volume) = (moved + M3::identity(), self.volume(e) * (moved + M3::identity()).determinant());
-                let cauchy = stress * f.transpose() * volume.max(FLAT * self.volume(e)).recip();
-                return [green_lagrange(moved), (cauchy + cauchy.transpose()) * 0.5];
-            }
-            let turned = stress * rotation_matrix(rotations.element[e]).transpose();
-            [green_lagrange(moved), (turned + turned.transpose()) * (0.5 / self.volume(e))]
-        };
-        self.displacement_gradients(u).into_iter().enumerate().map(of).collect()
-    }
 }
-
-/// Least volume ratio in `P Fᵀ/J`, since a tetrahedron that is flat has no Cauchy stress.
-const FLAT: f64 = 1e-6;
 
 /// Second derivative of `|dev sym(u ⊗ b)|² = ½ |u|² |b|² + ⅙ (u·b)²`.
 fn of_deviator(b: V3<f64>) -> M3<f64> {
@@ -519,7 +491,7 @@ impl<R: Real> Arrays<R> {
     }
 
     /// `[tetrahedron × 3]` forces at corners 1 to 3, N, in `scratch`; `total` is that of [`Params`].
-    fn corner_forces<'a>(
+    pub(super) fn corner_forces<'a>(
         &self,
         total: u32,
         z: &[V4<R>],

@@ -61,6 +61,12 @@ const ENHANCED: Change = By(Law::Fem { element: Element::Enhanced, corotational:
 const PLAIN: Change = By(Law::Fem { element: Element::Plain, corotational: false });
 const COROTATIONAL: Change = By(Law::Fem { element: Element::Bbar, corotational: true });
 const NEO_HOOKEAN: Change = By(Law::Hyperelastic(Material::NeoHookean));
+/// Smoothed and plain tetrahedra.
+const TETRA: Change = By(Law::Fem { element: Element::Tetra, corotational: false });
+const PLAIN_TETRA: Change = By(Law::Fem { element: Element::PlainTetra, corotational: false });
+const SOFT_TETRA: Change = By(Law::LargeTetra { material: Material::NeoHookean, element: Element::Tetra });
+const SOFT_PLAIN_TETRA: Change = By(Law::LargeTetra { material: Material::NeoHookean, element: Element::PlainTetra });
+const RUBBER_TETRA: Change = By(Law::LargeTetra { material: MATERIALS[1].1, element: Element::Tetra });
 /// Mooney–Rivlin material.
 const TWO_CONSTANTS: Change = By(Law::Hyperelastic(MATERIALS[1].1));
 /// Grids of the skin block.
@@ -73,6 +79,9 @@ const EXACT: f64 = 1e-6;
 /// On 20 × 20 × 5 cells of the skin block, and on 40 × 40 × 8.
 const ON_COARSE: f64 = 0.025;
 const ON_FINE: f64 = 0.01;
+const OF_TETRA: f64 = 0.1;
+/// Elements that lock: shown, not bounded.
+const LOCKS: f64 = f64::INFINITY;
 /// The law is not that of the reference: shown, not bounded.
 const OTHER_LAW: f64 = f64::INFINITY;
 
@@ -199,6 +208,10 @@ pub const CASES: &[Case] = &[
     Case { changes: &[COROTATIONAL], ..PATCH },
     Case { changes: &[NEO_HOOKEAN], reference: 0.9170344, source: "P(λ), no stress across", ..PATCH },
     Case { changes: &[TWO_CONSTANTS, SecondShare(0.25)], reference: 0.8893319, source: "P(λ), no stress across", ..PATCH },
+    Case { changes: &[TETRA], ..PATCH },
+    Case { changes: &[SOFT_TETRA], reference: 0.9170344, source: "P(λ), no stress across", ..PATCH },
+    Case { changes: &[SOFT_PLAIN_TETRA], reference: 0.9170344, source: "P(λ), no stress across", ..PATCH },
+    Case { changes: &[RUBBER_TETRA, SecondShare(0.25)], reference: 0.8893319, source: "P(λ), no stress across", ..PATCH },
     FIBRES,
     Case { name: "strip with fibres, stretch 1.2, across Langer's lines", measure: Probe("across"), reference: 0.2769133, ..FIBRES },
     CONFINED,
@@ -226,6 +239,14 @@ pub const CASES: &[Case] = &[
     Case { name: "skin block, 10 kPa, ν 0.499, no gravity", scene: "skin_block_0499", changes: &[LINEAR, COARSE], reference: -0.1362e-3, ..BLOCK },
     Case { name: "skin block, 10 kPa, ν 0.499, no gravity", scene: "skin_block_0499", changes: &[LINEAR, FINE], reference: -0.1362e-3,
            bound: ON_FINE, ..BLOCK },
+    Case { name: "skin block, 10 kPa, ν 0.45", scene: "skin_block_045", changes: &[TETRA, COARSE], reference: -0.1910e-3, bound: OF_TETRA, ..BLOCK },
+    Case { name: "skin block, 10 kPa, ν 0.49", scene: "skin_block_049", changes: &[TETRA, COARSE], reference: -0.1482e-3, bound: OF_TETRA, ..BLOCK },
+    Case { name: "skin block, 10 kPa, ν 0.49", scene: "skin_block_049", changes: &[PLAIN_TETRA, COARSE], reference: -0.1482e-3, bound: LOCKS, ..BLOCK },
+    Case { name: "skin block, 10 kPa, ν 0.45", changes: &[SOFT_TETRA, COARSE, STATIC], reference: -0.1836e-3, bound: OF_TETRA, ..BLOCK },
+    Case { name: "skin block, 10 kPa, ν 0.49", changes: &[SOFT_TETRA, COARSE, Poisson(0.49), STATIC], reference: NEO_10_049, bound: OF_TETRA, ..BLOCK },
+    Case { name: "skin block, 50 kPa, ν 0.45", changes: &[SOFT_TETRA, COARSE, Pressure(50e3), STATIC], reference: NEO_50_045, bound: OF_TETRA, ..BLOCK },
+    Case { name: "skin block, 50 kPa, ν 0.49", changes: &[SOFT_TETRA, COARSE, Pressure(50e3), Poisson(0.49), STATIC], reference: NEO_50_049,
+           bound: OF_TETRA, ..BLOCK },
     Case { name: "skin block, 1 kPa, ν 0.45", changes: &[NEO_HOOKEAN, COARSE, Pressure(1e3)], reference: NEO_1_045, quick: true, ..BLOCK },
     Case { name: "skin block, 1 kPa, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, Pressure(1e3), Poisson(0.49)], reference: NEO_1_049, ..BLOCK },
     Case { name: "skin block, 10 kPa, ν 0.45", reference: -0.1836e-3, quick: true, ..BLOCK },
@@ -256,6 +277,7 @@ pub const CASES: &[Case] = &[
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.49", changes: &[NEO_HOOKEAN, FINE, Poisson(0.49)], reference: 0.2, bound: 0.05, ..SPHERE },
     Case { name: "sphere R 2 mm, 1.15 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, COARSE, ToolDown(3.15e-3)], reference: 0.609, bound: 0.10, ..SPHERE },
     Case { name: "sphere R 2 mm, 1.15 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, FINE, ToolDown(3.15e-3)], reference: 0.609, bound: 0.05, ..SPHERE },
+    Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.45", changes: &[SOFT_TETRA, COARSE], reference: 0.172, bound: 0.15, ..SPHERE },
     Case { name: "sphere R 2 mm, 1.15 mm into skin, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, ToolDown(3.15e-3), Poisson(0.49)], reference: 0.717, bound: 0.10, ..SPHERE },
     Case { name: "free vibration, confined bar", scene: "bar", measure: Frequency("end"), what: "lowest frequency", unit: ("Hz", 1.0),
            reference: 48.689728, source: "√(M/ρ)/4L, exact", bound: 2e-3, quick: true, ..BASE },

@@ -37,7 +37,7 @@ pub const SINGLE_BOUND: f64 = 1e-3;
 pub enum Change {
     /// Cells along x and y, and of each layer, of the first body.
     Cells([u32; 2], &'static [u32]),
-    /// Law of every deformable body.
+    /// Law of every deformable body; with one of tetrahedra the solver's preconditioner is blocks.
     Law(Law),
     /// Poisson's ratio of every layer.
     Poisson(f64),
@@ -66,7 +66,12 @@ impl Change {
                 skin.cells = across;
                 skin.layers.iter_mut().zip(levels).for_each(|(layer, cells)| layer.cells = *cells);
             }
-            Self::Law(law) => scene.skins.iter_mut().for_each(|skin| skin.law = law),
+            Self::Law(law) => {
+                scene.skins.iter_mut().for_each(|skin| skin.law = law);
+                if law.is_tetrahedral() {
+                    scene.solver.preconditioner = Preconditioner::Block;
+                }
+            }
             Self::Poisson(ratio) => layers(scene, &|layer| layer.poisson = ratio),
             Self::SecondShare(share) => layers(scene, &|layer| layer.second_share = share),
             Self::TopDensity(density) => {
