@@ -537,9 +537,9 @@ fn a_grid_of_tetrahedra_is_cut() {
     let scene = read(&text);
     assert_eq!(scene.skins[0].cut, Cut::Split { reserve_columns: 4 * 9 * 9 });
     let [links, removed, count] = of_grid(&scene);
-    assert!((20..80).contains(&links) && removed == 0 && count == 6 * 16 * 10 * 2, "{links} {removed} {count}");
+    assert!((8..40).contains(&links) && removed == 0 && count == 6 * 16 * 10 * 2, "{links} {removed} {count}");
     let [links, removed, _] = of_grid(&read(&text.replace("[skin]\n", "[skin]\ncut = \"remove\"\n")));
-    assert!(links == 0 && removed > 10, "{links} {removed}");
+    assert!(links == 0 && removed > 3, "{links} {removed}");
     // the counter-test: a blade that stays above
     let above = read(&text.replace("14.8]", "16.6]"));
     assert_eq!(of_grid(&above)[..2], [0, 0]);
