@@ -94,7 +94,7 @@ impl Problem<'_> {
     /// cuts right through used them all up.
     ///
     /// Updates of rank one (SR1), or two (PSB) where they would be large, take up to a tenth fewer passes in the mean and twice as many at
-    /// most: passes (mean, most) of incision 1.8, 6 and 1.9, 6; of press_slide 2.2, 13 and 2.4, 5; of incision_shapes 2.1, 13 and 2.2, 10;
+    /// most: passes (mean, most) of incision 1.8, 6 and 1.9, 6; of press_slide 2.2, 13 and 2.4, 5; of incision_shapes 2.1, 13 and 2.2, 9;
     /// columns a step of nodule.toml 2.3 and 0.4.
     fn update_compliance(&mut self) {
         self.w.clone_from(&self.columns);
