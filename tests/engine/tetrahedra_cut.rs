@@ -534,12 +534,14 @@ fn a_grid_of_tetrahedra_is_cut() {
         parse(text, Path::new("grid.toml"), &Files::Folder(folder.clone())).unwrap_or_else(|e| panic!("{e}"))
     };
     // nodes as of a mesh are kept for duplicates, no columns
-    let scene = read(&text);
+    let mut scene = read(&text);
+    scene.time.duration = 0.22;
     assert_eq!(scene.skins[0].cut, Cut::Split { reserve_columns: 4 * 9 * 9 });
     let [links, removed, count] = of_grid(&scene);
-    assert!((8..40).contains(&links) && removed == 0 && count == 6 * 16 * 10 * 2, "{links} {removed} {count}");
-    let [links, removed, _] = of_grid(&read(&text.replace("[skin]\n", "[skin]\ncut = \"remove\"\n")));
-    assert!(links == 0 && removed > 3, "{links} {removed}");
+    assert!((3..40).contains(&links) && removed == 0 && count == 6 * 16 * 10 * 2, "{links} {removed} {count}");
+    scene.skins[0].cut = Cut::Remove;
+    let [_, removed, _] = of_grid(&scene);
+    assert!(removed >= 3, "{removed}");
     // the counter-test: a blade that stays above
     let above = read(&text.replace("14.8]", "16.6]"));
     assert_eq!(of_grid(&above)[..2], [0, 0]);
@@ -550,12 +552,13 @@ fn a_grid_of_tetrahedra_is_carved() {
     let mut scene = carved();
     let skin = &mut scene.skins[0];
     let mesh = skin.mesh.take().expect("a mesh");
-    skin.cells = [8, 6];
+    skin.cells = [6, 4];
     let count = skin.layers.len();
-    skin.layers.iter_mut().for_each(|layer| (layer.thickness, layer.cells) = (mesh.size()[2] / count as f64, 3));
+    skin.layers.iter_mut().for_each(|layer| (layer.thickness, layer.cells) = (mesh.size()[2] / count as f64, 2));
+    scene.time.duration = 0.2;
     scene.check().unwrap_or_else(|e| panic!("{e}"));
     let [links, removed, _] = of_grid(&scene);
-    assert!(links == 0 && removed > 20, "{links} {removed}");
+    assert!(links == 0 && removed > 3, "{links} {removed}");
     scene.skins[0].cut = Cut::Split { reserve_columns: 10 };
     let refused = scene.check().expect_err("nothing is left that it may carve").to_string();
     assert!(refused.contains("carves"), "{refused}");
