@@ -230,14 +230,16 @@ impl Simulation {
             _ => vec![],
         };
         let among: Vec<Vec<DMat3>> = self.bodies.iter().zip(&problem.nodes).map(among).collect();
-        let number = |body: usize, node: u32| problem.nodes[body].binary_search(&node).ok();
-        let between = |body: usize, a: u32, b: u32| match (correction, number(body, a), number(body, b)) {
-            (Correction::Exact, Some(i), Some(j)) => among[body][i * problem.nodes[body].len() + j],
-            (Correction::Precomputed, ..) => self.bodies[body].at_rest.block(a, b),
-            (Correction::Uncoupled, Some(i), Some(j)) if i == j => problem.blocks[body][i],
-            _ => DMat3::ZERO,
+        let between = |body: usize, i: usize, j: usize| {
+            let nodes = &problem.nodes[body];
+            match correction {
+                Correction::Exact => among[body][i * nodes.len() + j],
+                Correction::Precomputed => self.bodies[body].at_rest.block(nodes[i], nodes[j]),
+                Correction::Uncoupled if i == j => problem.blocks[body][i],
+                Correction::Uncoupled => DMat3::ZERO,
+            }
         };
-        problem.rows.compliance(&between, problem.free)
+        problem.rows.compliance(&problem.nodes, &between, problem.free)
     }
 
     /// Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are

@@ -12,6 +12,8 @@ use std::collections::BTreeSet;
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
+/// Most contacts of a body's lips, as a multiple of the scene's number: a wound across a fine grid has more nodes than a tool touches.
+const LIPS: usize = 4;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
 
@@ -36,7 +38,7 @@ impl Tie {
 }
 
 impl Simulation {
-    /// Contacts at the start of the step: the deepest first up to the scene's number, plus those of lips; then the attachments.
+    /// Contacts at the start of the step, up to the scene's number, plus those of lips; then the attachments.
     pub(super) fn find_contacts(
         &mut self,
         law: &scene::Contact,
@@ -61,21 +63,27 @@ impl Simulation {
         self.drop_unexplained(&search, &mut found, report);
         found.retain(|contact| !self.ties_hold(contact));
         let most = law.max_contacts as usize;
-        // keep the deepest, up to the scene's number
+        report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
+        // keep those that bore and the deepest, up to the scene's number
         if found.len() > most {
             report.warn("contacts_dropped", (found.len() - most) as u32);
             found.sort_by(|a, b| a.gap[0].total_cmp(&b.gap[0]).then(a.id().cmp(&b.id())));
+            found.sort_by_key(|contact| !self.bore(contact));
             found.truncate(most);
         }
-        report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
-        found.extend(self.lips_contacts(&search, most, report));
+        found.extend(self.lips_contacts(&search, LIPS * most, report));
         // lips; a fixed order; attachments last
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
     }
 
-    /// Contacts of the lips of wounds, the deepest first, per body at most as many as the scene's number.
+    /// Whether a contact bore a force in the last step. Without it, it may go through in this one, whatever its gap is now.
+    fn bore(&self, contact: &Contact) -> bool {
+        self.last_forces.get(&contact.id()).is_some_and(|force| *force != DVec3::ZERO)
+    }
+
+    /// Contacts of the lips of wounds, per body at most `most`: those that bore, then the deepest.
     fn lips_contacts(&self, search: &Search, most: usize, report: &mut StepReport) -> Vec<Contact> {
         let mut out = vec![];
         for (number, body) in self.bodies.iter().enumerate() {
@@ -85,6 +93,7 @@ impl Simulation {
             // the search reaches farther by the body's own motion
             let mut found = lips::contacts(number, lips, position, free, search.alarm + body.travel);
             report.overlap = found.first().map_or(report.overlap, |deepest| report.overlap.max(-deepest.gap[0]));
+            found.sort_by_key(|contact| !self.bore(contact));
             let dropped = found.iter().skip(most).filter(|c| c.gap[0] < 0.0).count();
             report.warn("contacts_dropped", dropped as u32);
             found.truncate(most);

@@ -142,15 +142,32 @@ impl<'a> Rows<'a> {
         sum
     }
 
-    /// `W`, row-major, m/N, from the compliance blocks of deformable bodies (`between(body, a, b)`: of node b under one newton at a) and
-    /// rigid ones.
-    pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[UnconstrainedMotion]) -> Vec<f64> {
+    /// `W`, row-major, m/N, from the compliance blocks of deformable bodies (`between(body, i, j)`: of node `nodes[body][j]` under one newton
+    /// at node `nodes[body][i]`) and rigid ones. `nodes` has those of the rows.
+    pub fn compliance(
+        &self,
+        nodes: &[Vec<u32>],
+        between: &dyn Fn(usize, usize, usize) -> DMat3,
+        free: &[UnconstrainedMotion],
+    ) -> Vec<f64> {
         let count = self.count();
+        // `[contact][side]` numbers of the nodes, and their weights
+        let numbered = |contact: &Contact| {
+            [0, 1].map(|side| match contact.on[side] {
+                BodyId::Deformable(body) => {
+                    let number =
+                        |node: &u32| nodes[body].binary_search(node).unwrap_or_else(|_| unreachable!("rows act on it"));
+                    contact.points[side].0.iter().map(|(node, weight)| (number(node), *weight)).collect()
+                }
+                _ => vec![],
+            })
+        };
+        let points: Vec<[Vec<(usize, f64)>; 2]> = self.contacts.iter().map(numbered).collect();
         let mut w = vec![0.0; count * count];
         let first: Vec<usize> = (0..count).filter(|row| self.of[*row].1 == 0).collect();
         for i in 0..self.contacts.len() {
             for j in 0..=i {
-                let block = self.block(i, j, between, free);
+                let block = self.block((i, j), &points, between, free);
                 for m in 0..self.contacts[i].law.rows() {
                     for n in 0..self.contacts[j].law.rows() {
                         w[(first[i] + m) * count + first[j] + n] = block[m][n];
@@ -165,9 +182,9 @@ impl<'a> Rows<'a> {
     /// Compliance block of contacts `i` and `j`: displacement along the axes of `i` under forces along the axes of `j`, m/N.
     fn block(
         &self,
-        i: usize,
-        j: usize,
-        between: &dyn Fn(usize, u32, u32) -> DMat3,
+        (i, j): (usize, usize),
+        points: &[[Vec<(usize, f64)>; 2]],
+        between: &dyn Fn(usize, usize, usize) -> DMat3,
         free: &[UnconstrainedMotion],
     ) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
@@ -189,8 +206,8 @@ impl<'a> Rows<'a> {
                 }
                 BodyId::Deformable(body) => {
                     let mut compliance = DMat3::ZERO;
-                    for (p, here) in &a.points[s].0 {
-                        for (q, there) in &b.points[t].0 {
+                    for (p, here) in &points[i][s] {
+                        for (q, there) in &points[j][t] {
                             compliance += between(body, *p, *q) * (here * there);
                         }
                     }

@@ -281,13 +281,15 @@ impl Compliance {
         let size = order.len();
         let mut left: Vec<f64> = order.iter().flat_map(|i| order.iter().map(|j| at(&blocks, *i, *j))).collect();
         let mut least: Vec<f64> = (0..size).map(|i| LEAST * left[i * (size + 1)]).collect();
+        // above and on the diagonal
         for k in 0..size {
             let share = |i: &usize| left[i * (size + 1)] / least[*i];
             let largest = (k..size).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(k);
             order.swap(k, largest);
             least.swap(k, largest);
-            (0..size).for_each(|j| left.swap(k * size + j, largest * size + j));
-            (0..size).for_each(|i| left.swap(i * size + k, i * size + largest));
+            left.swap(k * (size + 1), largest * (size + 1));
+            (k + 1..largest).for_each(|i| left.swap(k * size + i, i * size + largest));
+            (largest + 1..size).for_each(|j| left.swap(k * size + j, largest * size + j));
             let pivot = left[k * (size + 1)];
             let mut line = left[k * size + k + 1..(k + 1) * size].to_vec();
             for (j, coupling) in (k + 1..size).zip(&mut line) {
@@ -300,10 +302,10 @@ impl Compliance {
                     }
                 }
             }
-            for (coupling, i) in line.iter().zip(k + 1..size) {
-                let factor = coupling / pivot;
-                let rest = &mut left[i * size + k + 1..(i + 1) * size];
-                rest.iter_mut().zip(&line).for_each(|(left, coupling)| *left -= factor * coupling);
+            for (n, i) in (k + 1..size).enumerate() {
+                let factor = line[n] / pivot;
+                let rest = &mut left[i * (size + 1)..(i + 1) * size];
+                rest.iter_mut().zip(&line[n..]).for_each(|(left, coupling)| *left -= factor * coupling);
             }
         }
         blocks
