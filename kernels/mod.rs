@@ -12,6 +12,9 @@ pub mod accelerate;
 pub mod advance;
 pub mod ahead;
 pub mod anchors;
+pub mod auxiliary_correction;
+pub mod auxiliary_restriction;
+pub mod auxiliary_rotations;
 pub mod blocks;
 pub mod bounds;
 pub mod centres;
@@ -125,6 +128,9 @@ pub const ALL: &[&Source] = &[
     &advance::SOURCE,
     &ahead::SOURCE,
     &anchors::SOURCE,
+    &auxiliary_correction::SOURCE,
+    &auxiliary_restriction::SOURCE,
+    &auxiliary_rotations::SOURCE,
     &blocks::SOURCE,
     &bounds::SOURCE,
     &centres::SOURCE,

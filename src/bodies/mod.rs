@@ -297,6 +297,7 @@ impl Model {
         // reserve for the nodes that a cut duplicates
         model.free.resize(model.node_count(), [0.0; 4]);
         grid::prepare(&mut model, scene.solver.preconditioner);
+        Tetrahedra::with_auxiliary(scene, &mut model)?;
         Ok(model)
     }
 
@@ -309,6 +310,7 @@ impl Model {
         let mut model = Self::without_arrays(scene, body)?;
         model.counts = Some(Counts::new(scene, body, &model.grid));
         grid::prepare(&mut model, scene.solver.preconditioner);
+        Tetrahedra::with_auxiliary(scene, &mut model)?;
         Ok(model)
     }
 

@@ -46,11 +46,14 @@ pub struct Study {
 
 /// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
-    let hexahedra = skins.iter().all(|skin| skin.law.is_hexahedral());
-    let tetrahedra = skins.iter().any(Skin::is_without_columns);
-    let without = if tetrahedra { 3 } else { 2 };
-    let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - without };
-    PRECONDITIONERS[..known].to_vec()
+    let springs = skins.iter().any(|skin| !skin.law.is_hexahedral() && !skin.law.is_tetrahedral());
+    let goes = |which: &Preconditioner| match which {
+        Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => true,
+        Preconditioner::Column => !skins.iter().any(Skin::is_without_columns),
+        Preconditioner::Multigrid => !springs,
+        Preconditioner::Direct => skins.iter().all(|skin| skin.law.is_hexahedral()),
+    };
+    PRECONDITIONERS.into_iter().filter(|(_, which)| goes(which)).collect()
 }
 
 /// Laws by name that a layer's Young's modulus and Poisson's ratio suffice for; small strain is linear if a skin's law is, otherwise

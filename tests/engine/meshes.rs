@@ -230,7 +230,8 @@ fn the_same_tetrahedra_in_a_grid_and_as_a_mesh_move_alike() {
 #[test]
 fn preconditioners_of_a_mesh_give_one_answer() {
     let mut scene = as_mesh(&block());
-    let answers = [Preconditioner::None, Preconditioner::Jacobi, Preconditioner::Block].map(|preconditioner| {
+    use Preconditioner::{Block, Jacobi, Multigrid, None};
+    let answers = [None, Jacobi, Block, Multigrid].map(|preconditioner| {
         scene.solver.preconditioner = preconditioner;
         moved(&scene)
     });
@@ -238,6 +239,25 @@ fn preconditioners_of_a_mesh_give_one_answer() {
         let off = answers[0].iter().zip(other).map(|(a, b)| (a[2] - b[2]).abs()).fold(0.0, f64::max);
         assert!(off < 1e-9 * scale(other), "{off:e}");
     }
+}
+
+/// Iterations of one static step of the skin under its weight, held by rest-shape springs.
+fn iterations(preconditioner: Preconditioner) -> u32 {
+    let mut scene = skin("fine", Tetra);
+    scene.tools.clear();
+    scene.contact = None;
+    scene.probes.clear();
+    scene.time.integrator = Integrator::Static;
+    (scene.solver.preconditioner, scene.solver.tolerance) = (preconditioner, 1e-6);
+    let report = simulation(&scene).step(true).unwrap_or_else(|e| panic!("{e}"));
+    report.free.iterations
+}
+
+#[test]
+fn multigrid_of_a_grid_over_a_mesh_takes_fewer_iterations() {
+    let [blocks, multigrid] = [Preconditioner::Block, Preconditioner::Multigrid].map(iterations);
+    println!("{blocks} by node blocks, {multigrid} by multigrid");
+    assert!(3 * multigrid < 2 * blocks, "{blocks} by node blocks, {multigrid} by multigrid");
 }
 
 #[test]

@@ -1,8 +1,13 @@
 //! Bodies of tetrahedra in whole simulations: pressed by a tool, resumed, and refused with what is for other elements.
 
+use crate::small;
+use cutis::backend::{FREE, Needs, SolveRequest, Target, on_cpu};
+use cutis::bodies::tetrahedra::auxiliary::Auxiliary;
+use cutis::bodies::{Kind, Model};
 use cutis::scene::Element::{Bbar, PlainTetra, Tetra};
 use cutis::scene::{
-    Component, Element, Law, Mass, Material, OutputField, Preconditioner, Probe, ProbeKind, Scene, read,
+    Component, Element, Integrator, Law, Mass, Material, OutputField, Preconditioner, Probe, ProbeKind, Region, Scene,
+    read,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -91,11 +96,55 @@ fn go_on(scene: &Scene) {
     assert_ne!(bytes(&mut whole), bytes(&mut first), "the counter-test");
 }
 
+/// Iterations to 1e-6 of the weight of a block of one layer in one static step, by its own preconditioner or by one that is spoilt, and the
+/// displacements found, m.
+fn iterations(scene: &Scene, spoil: impl Fn(&mut Auxiliary)) -> (u32, Vec<[f64; 4]>) {
+    let mut model = Model::new(scene, 0).unwrap_or_else(|e| panic!("{e}"));
+    if let Kind::Tetrahedra(own) = &mut model.kind {
+        own.auxiliary.iter_mut().for_each(|auxiliary| spoil(auxiliary));
+    }
+    let start = cutis::step::start(scene, &model);
+    let mut backend = on_cpu(false, &model, Needs::default(), 1000, 0.0, &start);
+    backend.begin().expect("the CPU path has no device to fail");
+    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(1e-6) }];
+    let (outcomes, _) = backend.solve(&wanted, &[]).expect("the CPU path has no device to fail");
+    assert!(outcomes[0].converged, "{:?}", outcomes[0]);
+    (outcomes[0].iterations, backend.solution(FREE).expect("the CPU path has no device to fail"))
+}
+
+/// A block of tetrahedra in a grid under its weight, or of a mesh that matches no grid.
+fn weighed(cells: u32, preconditioner: Preconditioner) -> Scene {
+    let mut scene = small::block([20e-3; 2], [cells; 2], &[(cells / 4, 2.3e-3, 10e3, 0.45, 1000.0)]);
+    scene.time.integrator = Integrator::Static;
+    scene.boundaries = vec![small::held(Region::Bottom, [true; 3])];
+    scene.solver.preconditioner = preconditioner;
+    scene.skins[0].law = Law::Fem { element: Tetra, corotational: true };
+    scene
+}
+
+#[test]
+fn multigrid_of_hexahedra_takes_as_many_iterations_on_fine_grids_as_on_coarse_ones() {
+    use Preconditioner::{Block, Multigrid};
+    let of = |cells, which| iterations(&weighed(cells, which), |_| {});
+    let [(coarse, _), (fine, found)] = [8, 16].map(|cells| of(cells, Multigrid));
+    let [(plain, _), (finer, wanted)] = [8, 16].map(|cells| of(cells, Block));
+    println!("multigrid {coarse} and {fine}, node blocks {plain} and {finer}");
+    assert!(10 * fine < 12 * coarse && 2 * fine < finer, "{coarse}, {fine}; {plain}, {finer}");
+    // the counter-tests: blocks take more on finer grids, and so does multigrid of an auxiliary body that is too stiff
+    assert!(10 * finer > 15 * plain, "{plain}, {finer}");
+    let spoilt = iterations(&weighed(16, Multigrid), |auxiliary| auxiliary.scale.iter_mut().for_each(|s| *s *= 3.0)).0;
+    assert!(2 * spoilt > 3 * fine, "{fine}, spoilt {spoilt}");
+    let most = wanted.iter().flatten().fold(0.0, |most: f64, c| most.max(c.abs()));
+    let off =
+        found.iter().flatten().zip(wanted.iter().flatten()).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+    assert!(off < 1e-4 * most, "{off:e} of {most:e}");
+}
+
 #[test]
 fn what_is_for_other_elements_is_refused() {
     type Change = fn(&mut Scene);
     let changes: [(Change, &str); 4] = [
-        (|scene| scene.solver.preconditioner = Preconditioner::Multigrid, "take \"block\""),
+        (|scene| scene.solver.preconditioner = Preconditioner::Column, "take \"block\" or \"multigrid\""),
         (|scene| scene.skins[0].mass = Mass::Consistent, "take \"lumped\""),
         (|scene| scene.skins[0].layers[0].pre_strain = [0.05; 2], "pre_strain"),
         (|scene| scene.solver.preconditioner = Preconditioner::Direct, "take \"block\""),

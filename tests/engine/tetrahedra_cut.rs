@@ -9,7 +9,8 @@ use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4};
 use cutis::mesh::Edges;
 use cutis::scene::{
-    Carve, Contact, Cut, Element, Files, Law, Load, LoadKind, Mass, Material, Pose, Region, Round, Scene, Tool, parse,
+    Carve, Contact, Cut, Element, Files, Law, Load, LoadKind, Mass, Material, Pose, Preconditioner, Region, Round,
+    Scene, Tool, parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -441,8 +442,14 @@ fn bytes(simulation: &mut Simulation) -> Vec<u8> {
 
 #[test]
 fn a_cut_skin_goes_on_from_its_state() {
-    let scene = scene();
-    let make = || Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    go_on(&scene());
+    let mut by_multigrid = scene();
+    by_multigrid.solver.preconditioner = Preconditioner::Multigrid;
+    go_on(&by_multigrid);
+}
+
+fn go_on(scene: &Scene) {
+    let make = || Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let (mut whole, mut first, mut rest) = (make(), make(), make());
     let (half, more) = (scene.time.steps() as usize / 2, 8);
     steps(&mut first, half);

@@ -103,6 +103,17 @@ impl Pad for [f32; 3] {
     }
 }
 
+/// Nodes that a body has beyond those of its auxiliary grid, or the grid beyond the body's.
+pub const BESIDE: usize = 5;
+
+/// Lists of none to three members.
+fn lists(count: usize, members: usize) -> (Vec<u32>, Vec<u32>) {
+    let length = |list: usize| list % 4;
+    let first = (0..=count).map(|list| (0..list).map(length).sum::<usize>() as u32).collect();
+    let of = |list: usize| (0..length(list)).map(move |k| ((13 * list + 7 * k) % members) as u32);
+    (first, (0..count).flat_map(of).collect())
+}
+
 impl Body {
     /// A body of some cells; without any, its nodes are in a row.
     pub fn new(kernel: &'static str, cells: [usize; 3], slots: usize, first_slot: usize, seed: u64) -> Self {
@@ -264,8 +275,22 @@ impl Body {
             "hit_count" => Array::Count(vec![0; 4]),
             "split" => Array::Count(self.split()),
             "pairs" => Array::Count(self.copies().concat()),
+            "first_of_cell" => Array::Count(self.in_cells().0),
+            "in_cell" => Array::Count(self.in_cells().1),
+            "first_around" | "first_weight" => Array::Count(self.weighted().0),
+            "around" | "weighted" => Array::Count(self.weighted().1),
             _ => Array::Real(self.reals(name)),
         }
+    }
+
+    /// Nodes in the cells, of an auxiliary grid that is the body's own.
+    pub fn in_cells(&self) -> (Vec<u32>, Vec<u32>) {
+        lists(self.grid.cell_count(), self.nodes())
+    }
+
+    /// For each node, nodes of another body that has [`BESIDE`] more.
+    pub fn weighted(&self) -> (Vec<u32>, Vec<u32>) {
+        lists(self.nodes(), self.nodes() + BESIDE)
     }
 
     /// Springs, of which every fifth and some more are no segments.
@@ -289,6 +314,10 @@ impl Body {
             "rest_block" => of.rest_block.concat().iter().map(|c| *c as f32).collect(),
             "element_rotation" => (0..tetrahedra).flat_map(|_| turned(&mut random)).collect(),
             "domain_rotation" => (0..domains).flat_map(|_| turned(&mut random)).collect(),
+            // q and −q are the same rotation
+            "node_rotation" if self.kernel == "auxiliary_rotations" => {
+                (0..nodes).flat_map(|node| turned(&mut random).map(|c| if node % 3 == 0 { -c } else { c })).collect()
+            }
             "node_rotation" | "mean_rotation" => (0..nodes).flat_map(|_| turned(&mut random)).collect(),
             // with pressures of the size of the moduli
             "strain" if self.kernel == "tetrahedra_laws" => {
@@ -340,7 +369,7 @@ impl Body {
                 })
                 .collect(),
             // one for all of some grids
-            "scale" if self.grid.cells[0] == 7 => vec![1.3; 4],
+            "scale" if self.grid.cells[0] == 7 && self.kernel != "auxiliary_rotations" => vec![1.3; 4],
             "scale" => (0..self.grid.cell_count()).map(|_| 1.0 + 0.7 * random.next()).collect(),
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
             "energy" => random.many(self.grid.cell_count(), 1e-6),
@@ -357,6 +386,7 @@ impl Body {
             "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
             "coarse_rotation" => random.many(self.coarse_frames() * 4, 1.0),
+            "r" | "w" if self.kernel == "auxiliary_restriction" => random.vectors((nodes + BESIDE) * self.slots, 0.01),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
@@ -369,7 +399,10 @@ impl Body {
             "stiffness" => random.vectors(LAYERS * 64 * 3, 100.0),
             "modes" => (0..LAYERS * 8).flat_map(|_| symmetric(&mut random)).collect(),
             "rotation" => self.rotation(&mut random),
-            "free" | "coarse_free" => (0..nodes)
+            "weight" | "weight_around" => random.many(self.weighted().1.len(), 1.0),
+            "auxiliary_r" => random.vectors(all, 0.01),
+            "auxiliary_z" => random.vectors((nodes + BESIDE) * self.slots, 1e-4),
+            "free" | "coarse_free" | "auxiliary_free" => (0..nodes)
                 .flat_map(|_| {
                     let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
                     [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())]

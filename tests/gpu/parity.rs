@@ -79,6 +79,18 @@ const CASES: &[Case] = cases! {
     anchors Ids false [
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
+    auxiliary_correction Nodes true [
+        "+ weighted[n]" => "", "* weight[n]" => "", "* free[i].xyz" => "", "slot * (arrayLength(&auxiliary_z) / params.slot_count)" => "slot * params.node_count",
+        "n < first_weight[i + 1u]" => "n + 1u < first_weight[i + 1u]", "w[at] = vec4<f32>(0.0)" => "w[at] = z[at]", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    auxiliary_restriction Nodes true [
+        "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_free[i].xyz" => "", "slot * (arrayLength(&r) / params.slot_count)" => "slot * params.node_count",
+        "params.fresh == 0u" => "params.fresh == 1u", "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    auxiliary_rotations Cells false [
+        "node_rotation[in_cell[n]]" => "node_rotation[n]", "select(q, -q," => "select(q, q,", "scale[cell] / sqrt" => "1.0 / sqrt", "if squared > 0.0" => "if squared > 9.0",
+        "n < first_of_cell[cell + 1u]" => "n + 1u < first_of_cell[cell + 1u]"
+    ]
     trial_point Nodes false [
         "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(residual_force[i].xyz" => "dot(dx[i].xyz", "moved * params.stiffness_factor" => "moved", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]

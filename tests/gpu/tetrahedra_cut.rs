@@ -7,7 +7,7 @@ use super::{Failure, platform};
 use cutis::gpu::Gpu;
 use cutis::kernels::cut::Hit;
 use cutis::math::random::Random;
-use cutis::scene::{Element, Files, Law, Material, Region, Scene, parse};
+use cutis::scene::{Element, Files, Law, Material, Preconditioner, Region, Scene, parse};
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
@@ -112,12 +112,19 @@ fn a_lost_link_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
 }
 
 /// scenes/skin_tetra_cut.toml on its middle mesh.
-fn skin() -> Result<Scene, Failure> {
+fn skin(preconditioner: Preconditioner) -> Result<Scene, Failure> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let file = "skin_tetra_cut.toml";
     let text = std::fs::read_to_string(folder.join(file)).map_err(|e| e.to_string())?;
     let text = text.replace("skin_fine.msh", "skin_middle.msh");
-    Ok(parse(&text, Path::new(file), &Files::Folder(folder))?)
+    let mut scene = parse(&text, Path::new(file), &Files::Folder(folder))?;
+    scene.solver.preconditioner = preconditioner;
+    Ok(scene)
+}
+
+/// For node blocks, and for multigrid on an auxiliary grid, whose weights follow the cut.
+fn with_both(test: impl Fn(&Scene) -> Result<(), Failure>) -> Result<(), Failure> {
+    [Preconditioner::Block, Preconditioner::Multigrid].into_iter().try_for_each(|which| test(&skin(which)?))
 }
 
 /// Steps until the blade is well in the skin.
@@ -128,8 +135,11 @@ fn steps(simulation: &mut Simulation, count: usize) -> Result<(), Failure> {
 }
 
 fn parted_alike(gpu: &Gpu) -> Result<(), Failure> {
-    let scene = skin()?;
-    let mut both = [Simulation::new(&scene, &platform(gpu))?, Simulation::new(&scene, &Platform::Cpu32)?];
+    with_both(|scene| parted(gpu, scene))
+}
+
+fn parted(gpu: &Gpu, scene: &Scene) -> Result<(), Failure> {
+    let mut both = [Simulation::new(scene, &platform(gpu))?, Simulation::new(scene, &Platform::Cpu32)?];
     for simulation in &mut both {
         steps(simulation, STEPS)?;
     }
@@ -146,8 +156,11 @@ fn parted_alike(gpu: &Gpu) -> Result<(), Failure> {
 }
 
 fn goes_on(gpu: &Gpu) -> Result<(), Failure> {
-    let scene = skin()?;
-    let make = || Simulation::new(&scene, &platform(gpu));
+    with_both(|scene| went_on(gpu, scene))
+}
+
+fn went_on(gpu: &Gpu, scene: &Scene) -> Result<(), Failure> {
+    let make = || Simulation::new(scene, &platform(gpu));
     let bytes = |simulation: &mut Simulation| -> Result<Vec<u8>, Failure> {
         Ok(postcard::to_allocvec(&simulation.state()?).map_err(|e| e.to_string())?)
     };

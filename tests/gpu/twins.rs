@@ -2,7 +2,7 @@
 //!
 //! Partial sums appear as their sum over the groups of a slot.
 
-use super::body::{Body, NO_HIT};
+use super::body::{BESIDE, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use cutis::kernels;
 use cutis::kernels::advance::{Request, Scalars};
@@ -475,6 +475,37 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
 /// Slots that a dispatch works on, with their numbers in `[slot][count]` arrays.
 fn running_of(b: &Body, count: usize) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
     running(b).map(move |(slot, _)| (slot, slot * count..(slot + 1) * count))
+}
+
+pub fn auxiliary_rotations<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut rotation, (first, nodes)) = (b.v4::<R>("rotation"), b.in_cells());
+    let (scale, of_nodes) = (b.scalars("scale"), b.v4("node_rotation"));
+    let cells = b.params::<f64>().cell_count as usize;
+    kernels::auxiliary_rotations::auxiliary_rotations(&first, &nodes, &scale[..cells], &of_nodes, &mut rotation);
+    vec![("rotation", flat(&rotation))]
+}
+
+pub fn auxiliary_restriction<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut out, (first, nodes)) = (b.v4::<R>("auxiliary_r"), b.weighted());
+    let (weight, free, r, w) = (b.scalars("weight_around"), b.v4("auxiliary_free"), b.v4("r"), b.v4("w"));
+    let beside: Vec<_> = running_of(b, b.nodes() + BESIDE).map(|(_, at)| at).collect();
+    for ((_, at), from) in running(b).zip(beside) {
+        let (r, w) = (&r[from.clone()], &w[from]);
+        let out = &mut out[at];
+        kernels::auxiliary_restriction::auxiliary_restriction(&b.params(), &first, &nodes, &weight, &free, r, w, out);
+    }
+    vec![("auxiliary_r", flat(&out))]
+}
+
+pub fn auxiliary_correction<R: Real>(b: &Body) -> Outputs<R> {
+    let ([mut z, mut w], (first, nodes)) = (["z", "w"].map(|name| b.v4::<R>(name)), b.weighted());
+    let (weight, free, from_grid) = (b.scalars("weight"), b.v4("free"), b.v4("auxiliary_z"));
+    let beside: Vec<_> = running_of(b, b.nodes() + BESIDE).map(|(_, at)| at).collect();
+    for ((_, at), from) in running(b).zip(beside) {
+        let (z, w) = (&mut z[at.clone()], &mut w[at]);
+        kernels::auxiliary_correction::auxiliary_correction(&first, &nodes, &weight, &free, &from_grid[from], z, w);
+    }
+    vec![("z", flat(&z)), ("w", flat(&w))]
 }
 
 pub fn tetrahedra_centres<R: Real>(b: &Body) -> Outputs<R> {

@@ -132,6 +132,12 @@ impl<R: Real> Hexahedra<R> {
         }
     }
 
+    /// Has the cells rotated and scaled by these quaternions, `[cell]`.
+    pub fn turn(&mut self, params: &Params<R>, rotation: &[V4<R>]) {
+        self.rotation[..rotation.len()].copy_from_slice(rotation);
+        self.frames.update(params, &self.rotation, &self.split);
+    }
+
     /// Arrays of the finest level.
     fn finest<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Finest<'a, R> {
         let split = (&self.split[..], &self.split_cells[..]);

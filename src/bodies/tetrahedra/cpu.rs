@@ -1,12 +1,18 @@
 //! Tetrahedra on the CPU path.
 
+use super::auxiliary::{Auxiliary, GAIN, Lists};
 use super::operator::{Arrays, For, Rotations};
-use crate::bodies::cpu::{Preconditioner, System, Workspace};
+use crate::bodies::cpu::{Cycle, LevelWork, Preconditioner, System, Workspace};
+use crate::bodies::grid::cpu::Hexahedra;
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, LANES};
-use crate::kernels::{Params, factor, tetrahedra_blocks, tetrahedra_centres, tetrahedra_forces};
+use crate::kernels::relax::relax;
+use crate::kernels::{
+    Params, auxiliary_correction, auxiliary_restriction, auxiliary_rotations, factor, tetrahedra_blocks,
+    tetrahedra_centres, tetrahedra_forces,
+};
 use crate::math::{Real, V4};
 
 /// Arrays in one precision, with the rotations of the step.
@@ -17,6 +23,82 @@ pub struct Tetrahedra<R> {
     rotations: Rotations<R>,
     node_rotations: Vec<V4<R>>,
     block: Vec<V4<R>>, // [node × 4] inverse of the node's block
+    multigrid: Option<Multigrid<R>>,
+}
+
+/// The auxiliary grid in one precision.
+struct Multigrid<R> {
+    host: Auxiliary,
+    params: Params<R>,
+    free: Vec<V4<R>>,
+    hexahedra: Hexahedra<R>,
+    weight: Vec<R>,
+    weight_around: Vec<R>,
+    scale: Vec<R>,
+    rotation: Vec<V4<R>>,
+}
+
+impl<R: Real> Multigrid<R> {
+    fn new(host: &Auxiliary) -> Self {
+        let mut out = Self {
+            params: host.model.params(),
+            free: host.model.free.iter().map(|f| f.map(R::of)).collect(),
+            hexahedra: Hexahedra::new(&host.model),
+            weight: vec![],
+            weight_around: vec![],
+            scale: host.scale.iter().map(|s| R::of(*s)).collect(),
+            rotation: vec![[R::zero(); 4]; host.scale.len()],
+            host: host.clone(),
+        };
+        out.round();
+        out
+    }
+
+    fn round(&mut self) {
+        let rounded = |lists: &Lists| lists.weight.iter().map(|w| R::of(*w)).collect();
+        (self.weight, self.weight_around) = (rounded(&self.host.weights), rounded(&self.host.around));
+    }
+
+    fn refresh(&mut self, node_rotation: &[V4<R>]) {
+        let Lists { first, members, .. } = &self.host.in_cell;
+        auxiliary_rotations::auxiliary_rotations(first, members, &self.scale, node_rotation, &mut self.rotation);
+        self.hexahedra.turn(&self.params, &self.rotation);
+        self.hexahedra.refresh(&self.params, &self.free);
+    }
+
+    /// Size in this precision, and of the levels, bytes.
+    fn bytes(&self) -> usize {
+        let weights = size_of_val(&self.weight[..]) + size_of_val(&self.weight_around[..]);
+        let of_grid = size_of_val(&self.free[..]) + size_of_val(&self.scale[..]) + size_of_val(&self.rotation[..]);
+        weights + of_grid + self.hexahedra.stored_bytes()
+    }
+
+    /// Sets `z = P B_a Pᵀ r` and `w = 0`, for work vectors, `free` and `r`.
+    fn correct(
+        &self,
+    ) -> impl Fn(&mut Vec<LevelWork<Cycle>>, &[V4<R>], &[V4<R>], &mut [V4<R>], &mut [V4<R>]) + Sync + '_ {
+        let cycle = self.hexahedra.preconditioner(&self.params, &self.free);
+        let params = Params { fresh: 1, ..self.params };
+        let (weights, around) = (&self.host.weights, &self.host.around);
+        move |work, free, r, z, w| {
+            let zeros = || vec![[R::zero(); 4]; self.free.len()];
+            let (mut own_r, mut own_z) = (zeros(), zeros());
+            let (first, members, weight) = (&around.first, &around.members, &self.weight_around);
+            auxiliary_restriction::auxiliary_restriction(
+                &params,
+                first,
+                members,
+                weight,
+                &self.free,
+                r,
+                &[],
+                &mut own_r,
+            );
+            cycle(work, &own_r, &mut own_z);
+            let (first, members, weight) = (&weights.first, &weights.members, &self.weight);
+            auxiliary_correction::auxiliary_correction(first, members, weight, free, &own_z, z, w);
+        }
+    }
 }
 
 impl<R: Real> Tetrahedra<R> {
@@ -29,6 +111,7 @@ impl<R: Real> Tetrahedra<R> {
             corotational: tetrahedra.corotational,
             can_change: tetrahedra.can_change,
             block: Vec::with_capacity(4 * model.node_count()),
+            multigrid: tetrahedra.auxiliary.as_deref().map(Multigrid::new),
             arrays,
         }
     }
@@ -73,6 +156,9 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         self.blocks(params, free, &mut block);
         factor::factor(params, &mut block);
         self.block = block;
+        if let Some(multigrid) = &mut self.multigrid {
+            multigrid.refresh(&self.node_rotations);
+        }
     }
 
     fn product(
@@ -86,8 +172,18 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         self.arrays.system_product(params, free, z, &self.rotations, w, numbers(scratch))
     }
 
-    fn preconditioner<'a>(&'a self, params: &'a Params<R>, _: &'a [V4<R>]) -> Preconditioner<'a, R> {
-        Box::new(move |_, r, z| precondition(params, &self.block, r, z))
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R> {
+        let Some(multigrid) = &self.multigrid else {
+            return Box::new(move |_, r, z| precondition(params, &self.block, r, z));
+        };
+        let correct = multigrid.correct();
+        let params = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*params };
+        Box::new(move |work, r, z| {
+            let zeros = || vec![[R::zero(); 4]; z.len()];
+            let (mut w, mut d) = (zeros(), zeros());
+            correct(work, free, r, z, &mut w);
+            relax(&params, &self.block, r, &mut w, &mut d, z)
+        })
     }
 
     fn stored_bytes(&self) -> usize {
@@ -96,6 +192,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
             + size_of_val(&self.rotations.cofactor[..])
             + size_of_val(&self.rotations.frame[..])
             + size_of_val(&self.block[..])
+            + self.multigrid.as_ref().map_or(0, Multigrid::bytes)
     }
 
     fn workspace(&self, _: &Params<R>) -> Workspace<R> {
@@ -111,6 +208,10 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     fn take(&mut self, _: &Params<R>, removal: &Removal) {
         if let Some((operator, changes)) = &removal.operator {
             self.arrays.take(operator, changes);
+        }
+        if let (Some(multigrid), false) = (&mut self.multigrid, removal.copies.is_empty()) {
+            multigrid.host.copy(&removal.copies);
+            multigrid.round();
         }
     }
 

@@ -1,19 +1,21 @@
 //! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
 
+use super::auxiliary::{Auxiliary, GAIN, Lists};
 use super::operator::Arrays as Operator;
-use crate::bodies::MAX_LAYERS;
-use crate::bodies::Removal;
-use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded};
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded, over_columns};
+use crate::bodies::{MAX_LAYERS, Model, Removal};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::polar::UPRIGHT;
 use crate::kernels::{
-    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_centres, tetrahedra_changes, tetrahedra_deformations,
-    tetrahedra_domains, tetrahedra_forces, tetrahedra_frames, tetrahedra_large, tetrahedra_laws, tetrahedra_means,
-    tetrahedra_plain, tetrahedra_pressed, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations,
-    tetrahedra_smoothed, tetrahedra_strains, tetrahedra_volumes,
+    GROUP, Params, Source, auxiliary_correction, auxiliary_restriction, auxiliary_rotations, factor, relax,
+    tetrahedra_blocks, tetrahedra_centres, tetrahedra_changes, tetrahedra_deformations, tetrahedra_domains,
+    tetrahedra_forces, tetrahedra_frames, tetrahedra_large, tetrahedra_laws, tetrahedra_means, tetrahedra_plain,
+    tetrahedra_pressed, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations, tetrahedra_smoothed,
+    tetrahedra_strains, tetrahedra_volumes,
 };
 use crate::math::round;
+use std::cell::RefCell;
 
 /// Arrays over tetrahedra, domains and nodes on a device.
 pub(super) struct Tetrahedra {
@@ -35,6 +37,126 @@ pub(super) struct Tetrahedra {
     hyperelastic: bool,
     /// Of a hyperelastic law with plain elements: lists of its patches, under the names of those of the nodes.
     patches: Vec<(&'static str, Buffer)>,
+    multigrid: Option<Multigrid>,
+}
+
+/// The auxiliary grid.
+struct Multigrid {
+    host: RefCell<Auxiliary>,
+    hexahedra: Box<dyn Recorded>,
+    params: Params<f32>,
+    main: Buffer,
+    /// Of the grid.
+    own: Arrays,
+    /// Weights of the nodes, and the smoother's increment.
+    of_body: Arrays,
+    /// All arrays of the body and of its solver.
+    body: Arrays,
+}
+
+impl Multigrid {
+    fn new(host: &Auxiliary, model: &Model, made: &mut Maker, u: &Buffer, body: &Params<f32>) -> Result<Self> {
+        made.gpu.making("multigrid");
+        let (slot_count, compensated) = (body.slot_count, body.compensated);
+        let params = Params { slot_count, compensated, ..host.model.params::<f32>() };
+        let hexahedra = host.model.mechanics().recorded(&host.model, made, u, &params)?;
+        let (n, cells, slots) = (params.node_count as usize, params.cell_count as usize, slot_count as usize);
+        let sums = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
+        let own = [
+            made.with("free", n, || rounded(&host.model.free))?,
+            made.vec4("block", n * 4)?,
+            made.vec4("r", n * slots)?,
+            made.vec4("z", n * slots)?,
+            made.vec4("w", n * slots)?,
+            made.zeros::<f32>("partial_product", params.product_groups as usize * slots)?,
+            made.zeros::<f32>("partial_gamma", sums(params.columns()))?,
+            made.with("first_of_cell", cells + 1, || host.in_cell.first.clone())?,
+            made.with("in_cell", host.inside, || host.in_cell.members.clone())?,
+            made.with("scale", cells, || host.scale.iter().map(|s| *s as f32).collect())?,
+        ];
+        // with room for the copies that a cut makes
+        let (nodes, most) = (body.node_count as usize, Auxiliary::most_weights(model));
+        let of_body = [
+            made.with("first_weight", nodes + 1, || host.weights.first.clone())?,
+            made.zeros::<u32>("weighted", most)?,
+            made.zeros::<f32>("weight", most)?,
+            made.with("first_around", n + 1, || host.around.first.clone())?,
+            made.zeros::<u32>("around", most)?,
+            made.zeros::<f32>("weight_around", most)?,
+            made.vec4("d", nodes * slots)?,
+        ];
+        let out = Self {
+            host: RefCell::new(host.clone()),
+            own: hexahedra.shared().joined(&Arrays::of(&own)),
+            of_body: Arrays::of(&of_body),
+            body: Arrays::default(),
+            main: made.params(&params),
+            hexahedra,
+            params,
+        };
+        if !made.gpu.is_dry() {
+            out.write(made.gpu);
+        }
+        Ok(out)
+    }
+
+    /// Writes the weights of the nodes.
+    fn write(&self, gpu: &Gpu) {
+        let host = self.host.borrow();
+        let lists = [
+            (&host.weights, ["first_weight", "weighted", "weight"]),
+            (&host.around, ["first_around", "around", "weight_around"]),
+        ];
+        for (Lists { first, members, weight }, names) in lists {
+            let [to_first, to_members, to_weight] =
+                names.map(|name| self.of_body.get(name).unwrap_or_else(|| unreachable!("the grid has {name}")));
+            let weight: Vec<f32> = weight.iter().map(|w| *w as f32).collect();
+            gpu.write(&to_first, 0, first);
+            gpu.write(&to_members, 0, members);
+            gpu.write(&to_weight, 0, &weight);
+        }
+    }
+
+    /// Arrays of the grid under the names that the kernels of both have for them.
+    fn named(&self, names: &[(&'static str, &'static str)]) -> Arrays {
+        let one = |(theirs, ours): &(&'static str, &'static str)| Some(Arrays::one(ours, &self.own.get(theirs)?));
+        names.iter().filter_map(one).fold(self.body.clone(), |all, one| all.joined(&one))
+    }
+
+    /// Rotations of the cells, columns and coarse levels.
+    fn refresh(&mut self, made: &mut Maker, body: &Arrays, sums: &Arrays) -> Result<Vec<Dispatch>> {
+        self.body = body.joined(&self.of_body);
+        let own = sums.joined(&self.own);
+        let gpu = made.gpu;
+        let main = ("params", &self.main);
+        let node_rotation = body.get("node_rotation").unwrap_or_else(|| unreachable!("tetrahedra have it"));
+        let turn = own.bind(gpu, &auxiliary_rotations::SOURCE, &[main, ("node_rotation", &node_rotation)])?;
+        let mut list = vec![
+            (turn, self.params.cell_count as usize),
+            (self.hexahedra.blocks(gpu, &own, &[main])?, self.params.node_count as usize),
+            (own.bind(gpu, &factor::SOURCE, &[main])?, self.params.columns()),
+        ];
+        list.extend(self.hexahedra.refresh(made, &own, sums, &self.params, &self.main)?);
+        Ok(list)
+    }
+
+    fn precondition(&self, made: &mut Maker, body: &Params<f32>) -> Result<Vec<Dispatch>> {
+        let gpu = made.gpu;
+        let params = Params { first_slot: body.first_slot, ..self.params };
+        // restriction, V-cycle, correction, and the node blocks' share
+        let down = made.params(&Params { fresh: 1, ..params });
+        let names = [("free", "auxiliary_free"), ("r", "auxiliary_r"), ("z", "auxiliary_z")];
+        let both = self.named(&names);
+        let restrict = both.bind(gpu, &auxiliary_restriction::SOURCE, &[("params", &down)])?;
+        let mut list = vec![(restrict, params.node_count as usize)];
+        list.extend(self.hexahedra.precondition(made, &params)?.into_iter().flatten());
+        let up = made.params(body);
+        let correct = both.bind(gpu, &auxiliary_correction::SOURCE, &[("params", &up)])?;
+        list.push((correct, body.node_count as usize));
+        let added = made.params(&Params { fresh: 0, keep: 0.0, gain: GAIN as f32, ..*body });
+        list.push((both.bind(gpu, &relax::SOURCE, &[("params", &added)])?, over_columns(body)));
+        Ok(list)
+    }
 }
 
 /// Rounds an array of the host when the device stores it.
@@ -43,7 +165,15 @@ fn rounded<const N: usize>(values: &[[f64; N]]) -> Vec<[f32; N]> {
 }
 
 impl Tetrahedra {
-    pub fn new(tetrahedra: &super::Tetrahedra, made: &mut Maker, params: &Params<f32>) -> Result<Self> {
+    pub fn new(
+        tetrahedra: &super::Tetrahedra,
+        model: &Model,
+        made: &mut Maker,
+        u: &Buffer,
+        params: &Params<f32>,
+    ) -> Result<Self> {
+        let multigrid = tetrahedra.auxiliary.as_deref();
+        let multigrid = multigrid.map(|host| Multigrid::new(host, model, made, u, params)).transpose()?;
         let (own, smoothed): (&Operator<f64>, _) = (&tetrahedra.arrays, tetrahedra.smoothed);
         let hyperelastic = tetrahedra.law.is_some();
         let [nodes, count, domains] =
@@ -119,6 +249,7 @@ impl Tetrahedra {
             smoothed,
             hyperelastic,
             patches: of_patches,
+            multigrid,
         })
     }
 
@@ -281,6 +412,10 @@ impl Recorded for Tetrahedra {
 
     /// Writes what has changed, and all of the lists of nodes and domains; the corners are the table of split nodes.
     fn take(&self, gpu: &Gpu, removal: &Removal) {
+        if let (Some(multigrid), false) = (&self.multigrid, removal.copies.is_empty()) {
+            multigrid.host.borrow_mut().copy(&removal.copies);
+            multigrid.write(gpu);
+        }
         let Some((operator, changes)) = &removal.operator else { return };
         let own = |name: &str| self.shared.get(name).unwrap_or_else(|| unreachable!("the body has {name}"));
         write(gpu, &own("gradients"), &changes.tetrahedra, 3, |at| operator.gradients[at].map(|c| c as f32));
@@ -298,6 +433,21 @@ impl Recorded for Tetrahedra {
 
     fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
         arrays.bind(gpu, &tetrahedra_blocks::SOURCE, more)
+    }
+
+    fn refresh(
+        &mut self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        sums: &Arrays,
+        _: &Params<f32>,
+        _: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        self.multigrid.as_mut().map_or(Ok(vec![]), |multigrid| multigrid.refresh(made, arrays, sums))
+    }
+
+    fn precondition(&self, made: &mut Maker, params: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
+        self.multigrid.as_ref().map(|multigrid| multigrid.precondition(made, params)).transpose()
     }
 
     fn product(

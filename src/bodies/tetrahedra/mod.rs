@@ -18,6 +18,7 @@
 //! strains of the tetrahedra's own gradients: 38 and 18 %).
 //! A probe of a reaction takes the passes of the whole body on the host, once a step.
 
+pub mod auxiliary;
 pub mod cpu;
 mod cut;
 mod fields;
@@ -41,6 +42,7 @@ use crate::mesh::{EDGES, Grid, PER_CELL};
 use crate::scene::{
     Cut, Element, Integrator, Law, Layer, Mass, Material, PRECONDITIONER, Preconditioner, Scene, Skin, TetrahedralMesh,
 };
+use auxiliary::Auxiliary;
 use operator::{Arrays, For, is_removed};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -60,6 +62,8 @@ pub struct Tetrahedra {
     pub reserve: usize,
     /// Whether the scene has tools that may cut or carve the body.
     pub can_change: bool,
+    /// The grid whose multigrid preconditions the body, if it does.
+    pub auxiliary: Option<Box<Auxiliary>>,
     /// `[layer]` kg/m³
     density: Vec<f64>,
 }
@@ -73,8 +77,10 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     let of_key = |key, what, fix| Err(Refused::Tetrahedra { key, what, fix }.into());
     let refuse = |what, fix| of_key("", what, fix);
     match scene.solver.preconditioner {
-        Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => {}
-        _ => return of_key(PRECONDITIONER, "this preconditioner", "take \"block\""),
+        Preconditioner::Column | Preconditioner::Direct => {
+            return of_key(PRECONDITIONER, "this preconditioner", "take \"block\" or \"multigrid\"");
+        }
+        _ => {}
     }
     if scene.time.integrator == Integrator::SymplecticEuler {
         return refuse("integrator = \"symplectic_euler\"", "take \"implicit_euler\"");
@@ -140,7 +146,7 @@ impl Tetrahedra {
         };
         let (reserve, can_change) = (reserve(scene, skin), skin.mesh.is_some() && !scene.tools.is_empty());
         let density = skin.layers.iter().map(|layer| layer.density).collect();
-        Self { arrays: Arrays::default(), corotational, smoothed, law, reserve, can_change, density }
+        Self { arrays: Arrays::default(), corotational, smoothed, law, reserve, can_change, auxiliary: None, density }
     }
 
     /// Fills the arrays: `rest` has the nodes of the grid or of its mesh, m.
@@ -245,7 +251,8 @@ impl Mechanics for Tetrahedra {
         let of_elements = size_of::<[u32; 4]>() + 3 * size_of::<V4<f64>>() + 4 * size_of::<u32>();
         let of_nodes = size_of::<u32>() + size_of::<f64>() + 2 * size_of::<V4<f64>>();
         let laws = if self.law.is_some() { model.shape.len() * size_of::<V4<f64>>() } else { 0 };
-        let own = count * of_elements + nodes * of_nodes + size_of::<u32>() + laws;
+        let auxiliary = self.auxiliary.as_ref().map_or(0, |auxiliary| auxiliary.bytes(model));
+        let own = count * of_elements + nodes * of_nodes + size_of::<u32>() + laws + auxiliary;
         if !self.smoothed {
             // domains and patches of a hyperelastic law: volume and modulus, lists; patches, lists, 1/volume
             let more = count * (size_of::<[f64; 3]>() + 14 * size_of::<u32>()) + 2 * size_of::<u32>();
@@ -428,7 +435,7 @@ impl Mechanics for Tetrahedra {
         element::splitting(layer)
     }
 
-    fn recorded(&self, _: &Model, made: &mut Maker, _: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {
-        Ok(Box::new(gpu::Tetrahedra::new(self, made, params)?))
+    fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {
+        Ok(Box::new(gpu::Tetrahedra::new(self, model, made, u, params)?))
     }
 }
