@@ -652,7 +652,7 @@ fn keys_that_do_not_go_with_a_mesh_are_refused() {
         (after("thickness_mm = 1.0"), "`thickness_mm` has no effect"),
         (after("[test]\ncells = [4, 4]"), "`cells` has no effect"),
         (after("[study]\ngrids = [2]"), "a mesh is not refined"),
-        (after("[solver]\npreconditioner = \"multigrid\""), "preconditioner"),
+        (after("[solver]\npreconditioner = \"column\""), "preconditioner"),
         (after("[[boundary]]\nregion = \"group\"\ngroup = \"bottom\""), "fat, dermis"),
         (after("[[boundary]]\nregion = \"bottom\"\ngroup = \"fat\""), "region = \"group\""),
         (after("[[boundary]]\nregion = \"box\"\nbox_mm = [[9.0, 9.0, 9.0], [9.5, 9.5, 9.5]]"), "holds no node"),

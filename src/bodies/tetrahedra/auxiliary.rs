@@ -90,7 +90,7 @@ impl Auxiliary {
         if of.counts.is_some() {
             let model = Model::of_sizes(&of_grid, of.body)?;
             let [weights, around, in_cell] = [0; 3].map(|_| Lists::default());
-            let inside = cover.map_or(8 * model.grid.cell_count(), |cover| cover.nodes_in_cells().len());
+            let inside = cover.map_or(8 * model.grid.cell_count(), |cover| cover.inside.len());
             return Ok(Self { model, weights, around, in_cell, scale: vec![], inside });
         }
         let model = Model::new(&of_grid, of.body)?;
@@ -196,8 +196,10 @@ struct Cover {
     layers: Vec<Layer>,
     /// `[level of cells]` shear modulus, Pa.
     shear: Vec<f64>,
-    /// `[sample]` cell, nearest corner, shear modulus times volume, N·m.
-    samples: Vec<(u32, u32, f64)>,
+    /// `[cell]` integral of the shear modulus over the tetrahedra in it, N·m.
+    stiffness: Vec<f64>,
+    /// Cells with the nodes that tetrahedra in them have there, each pair once.
+    inside: Vec<(u32, u32)>,
 }
 
 impl Cover {
@@ -213,9 +215,10 @@ impl Cover {
         let cells = [0, 1, 2].map(|n| ((size[n] / width).round() as usize).max(1));
         let cells = [cells[0], cells[1], cells[2].min(MAX_LAYERS)];
         let shear = |layer: usize| layers[layer].young / (2.0 * (1.0 + layers[layer].poisson));
-        // samples of the tetrahedra, each with the corner that it is nearest to
-        let mut samples = vec![];
+        // points of the tetrahedra: the cell around each takes its share, and the corner that it is nearest to
+        let mut stiffness = vec![0.0; cells.iter().product()];
         let mut filled = vec![vec![0.0; layers.len()]; cells[2]];
+        let (mut inside, mut own) = (vec![], vec![]);
         let points: Vec<[f64; 4]> = lattice();
         for (e, corners) in tetrahedra.iter().enumerate() {
             let (layer, volume) = (mesh.mesh.layers()[e] as usize, mesh.mesh.volume(e) / points.len() as f64);
@@ -223,11 +226,18 @@ impl Cover {
                 let at = [0, 1, 2].map(|n| (0..4).map(|c| weights[c] * nodes[corners[c] as usize][n]).sum::<f64>());
                 let of_axis = |n: usize| (((at[n] - low[n]) / size[n] * cells[n] as f64) as usize).min(cells[n] - 1);
                 let [x, y, z] = [0, 1, 2].map(of_axis);
+                let cell = x + cells[0] * (y + cells[1] * z);
                 let nearest = (0..4).max_by(|a, b| weights[*a].total_cmp(&weights[*b])).unwrap_or(0);
                 filled[z][layer] += volume;
-                samples.push(((x + cells[0] * (y + cells[1] * z)) as u32, corners[nearest], volume * shear(layer)));
+                stiffness[cell] += volume * shear(layer);
+                own.push((cell as u32, corners[nearest]));
             }
+            own.sort_unstable();
+            own.dedup();
+            inside.append(&mut own);
         }
+        inside.sort_unstable();
+        inside.dedup();
         // of each level the layer that fills most of it
         let most = |filled: &Vec<f64>| (0..layers.len()).max_by(|a, b| filled[*a].total_cmp(&filled[*b])).unwrap_or(0);
         let of_level: Vec<usize> = filled.iter().map(most).collect();
@@ -239,19 +249,11 @@ impl Cover {
             ..layers[run[0]].clone()
         };
         let runs = of_level.chunk_by(|a, b| a == b).map(run).collect();
-        Self { low, size, cells, layers: runs, shear: of_level.into_iter().map(shear).collect(), samples }
-    }
-
-    /// Cells with the nodes that tetrahedra in them have there, each once.
-    fn nodes_in_cells(&self) -> Vec<(u32, u32, f64)> {
-        let mut inside: Vec<(u32, u32, f64)> = self.samples.iter().map(|(cell, node, _)| (*cell, *node, 1.0)).collect();
-        inside.sort_by_key(|(cell, node, _)| (*cell, *node));
-        inside.dedup_by_key(|(cell, node, _)| (*cell, *node));
-        inside
+        Self { low, size, cells, layers: runs, shear: of_level.into_iter().map(shear).collect(), stiffness, inside }
     }
 
     fn fill(self, model: Model, of: &Model, mesh: &Unstructured) -> Auxiliary {
-        let Self { low, size, cells, shear, samples, .. } = &self;
+        let Self { low, size, cells, shear, stiffness, inside, .. } = self;
         let grid: &Grid = &model.grid;
         let [nx, ny, _] = cells.map(|c| c + 1);
         // trilinear weights of the body's nodes
@@ -275,22 +277,18 @@ impl Cover {
             }
         }
         let back = pairs.iter().map(|(i, node, weight)| (*node, *i, *weight)).collect();
-        // scales of the cells, and the nodes in them, each once
+        // scales of the cells, and the nodes in them
         let count = grid.cell_count();
-        let volume: f64 = size.iter().product::<f64>() / count as f64;
-        let mut scale = vec![0.0; count];
-        for (cell, _, stiffness) in samples {
-            let level = *cell as usize / (cells[0] * cells[1]);
-            scale[*cell as usize] += stiffness / (volume * shear[level]);
-        }
-        let inside = self.nodes_in_cells();
-        let length = |scale: &f64| if *scale > 0.0 { scale.max(LEAST_SCALE).sqrt().sqrt() } else { 0.0 };
+        let whole: f64 = size.iter().product::<f64>() / count as f64;
+        let of_cell = |(cell, own): (usize, &f64)| own / (whole * shear[cell / (cells[0] * cells[1])]);
+        let inside: Vec<(u32, u32, f64)> = inside.into_iter().map(|(cell, node)| (cell, node, 1.0)).collect();
+        let length = |scale: f64| if scale > 0.0 { scale.max(LEAST_SCALE).sqrt().sqrt() } else { 0.0 };
         Auxiliary {
             weights: Lists::new(of.node_count(), pairs),
             around: Lists::new(model.own_nodes(), back),
             inside: inside.len(),
             in_cell: Lists::new(count, inside),
-            scale: scale.iter().map(length).collect(),
+            scale: stiffness.iter().enumerate().map(of_cell).map(length).collect(),
             model,
         }
     }

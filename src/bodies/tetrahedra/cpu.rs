@@ -2,7 +2,7 @@
 
 use super::auxiliary::{Auxiliary, GAIN, Lists};
 use super::operator::{Arrays, For, Rotations};
-use crate::bodies::cpu::{Cycle, LevelWork, Preconditioner, System, Workspace};
+use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::grid::cpu::Hexahedra;
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
@@ -73,31 +73,28 @@ impl<R: Real> Multigrid<R> {
         weights + of_grid + self.hexahedra.stored_bytes()
     }
 
-    /// Sets `z = P B_a Pᵀ r` and `w = 0`, for work vectors, `free` and `r`.
-    fn correct(
-        &self,
-    ) -> impl Fn(&mut Vec<LevelWork<Cycle>>, &[V4<R>], &[V4<R>], &mut [V4<R>], &mut [V4<R>]) + Sync + '_ {
+    /// `z = P B_a Pᵀ r + M⁻¹ r`, with the inverse node blocks of the body.
+    fn preconditioner<'a>(
+        &'a self,
+        body: &'a Params<R>,
+        block: &'a [V4<R>],
+        free: &'a [V4<R>],
+    ) -> Preconditioner<'a, R> {
         let cycle = self.hexahedra.preconditioner(&self.params, &self.free);
-        let params = Params { fresh: 1, ..self.params };
+        let down = Params { fresh: 1, ..self.params };
+        let added = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*body };
+        let zeros = |count: usize| vec![[R::zero(); 4]; count];
         let (weights, around) = (&self.host.weights, &self.host.around);
-        move |work, free, r, z, w| {
-            let zeros = || vec![[R::zero(); 4]; self.free.len()];
-            let (mut own_r, mut own_z) = (zeros(), zeros());
+        Box::new(move |work, r, z| {
+            let (mut own_r, mut own_z) = (zeros(self.free.len()), zeros(self.free.len()));
             let (first, members, weight) = (&around.first, &around.members, &self.weight_around);
-            auxiliary_restriction::auxiliary_restriction(
-                &params,
-                first,
-                members,
-                weight,
-                &self.free,
-                r,
-                &[],
-                &mut own_r,
-            );
+            auxiliary_restriction::auxiliary_restriction(&down, first, members, weight, &self.free, r, &[], &mut own_r);
             cycle(work, &own_r, &mut own_z);
+            let (mut w, mut d) = (zeros(z.len()), zeros(z.len()));
             let (first, members, weight) = (&weights.first, &weights.members, &self.weight);
-            auxiliary_correction::auxiliary_correction(first, members, weight, free, &own_z, z, w);
-        }
+            auxiliary_correction::auxiliary_correction(first, members, weight, free, &own_z, z, &mut w);
+            relax(&added, block, r, &mut w, &mut d, z)
+        })
     }
 }
 
@@ -173,17 +170,10 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R> {
-        let Some(multigrid) = &self.multigrid else {
-            return Box::new(move |_, r, z| precondition(params, &self.block, r, z));
-        };
-        let correct = multigrid.correct();
-        let params = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*params };
-        Box::new(move |work, r, z| {
-            let zeros = || vec![[R::zero(); 4]; z.len()];
-            let (mut w, mut d) = (zeros(), zeros());
-            correct(work, free, r, z, &mut w);
-            relax(&params, &self.block, r, &mut w, &mut d, z)
-        })
+        match &self.multigrid {
+            Some(multigrid) => multigrid.preconditioner(params, &self.block, free),
+            None => Box::new(move |_, r, z| precondition(params, &self.block, r, z)),
+        }
     }
 
     fn stored_bytes(&self) -> usize {
