@@ -62,15 +62,41 @@ impl Lists {
     }
 }
 
+/// Interpolation between a grid's nodes and a body's.
+#[derive(Clone, Debug, Default)]
+pub struct Transfer {
+    /// `[node of the body]` nodes of the grid with their weights, `P`.
+    pub weights: Lists,
+    /// `[node of the grid]` nodes of the body, `Pᵀ`.
+    pub around: Lists,
+}
+
+impl Transfer {
+    /// From nodes of the body, nodes of the grid and weights, for these numbers of nodes.
+    fn new([body, grid]: [usize; 2], pairs: Vec<(u32, u32, f64)>) -> Self {
+        let back = pairs.iter().map(|(i, node, weight)| (*node, *i, *weight)).collect();
+        Self { weights: Lists::new(body, pairs), around: Lists::new(grid, back) }
+    }
+
+    /// Has copies of nodes take the weights of those that they copy.
+    pub fn copy(&mut self, copies: &[[u32; 2]]) {
+        let mut source: Vec<usize> = (0..self.weights.first.len() - 1).collect();
+        copies.iter().for_each(|[copy, of]| source[*copy as usize] = source[*of as usize]);
+        let of = |(i, source): (usize, &usize)| {
+            self.weights.of(*source).map(move |(member, weight)| (i as u32, member as u32, weight))
+        };
+        let pairs = source.iter().enumerate().flat_map(of).collect();
+        *self = Self::new([source.len(), self.around.first.len() - 1], pairs);
+    }
+}
+
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Auxiliary {
     /// The grid, as a body of hexahedra; its masses are those of the body's nodes, with their rest-shape springs.
     pub model: Model,
-    /// `[node of the body]` nodes of the grid with their weights, `P`.
-    pub weights: Lists,
-    /// `[node of the grid]` nodes of the body, `Pᵀ`.
-    pub around: Lists,
+    /// Between the grid's nodes and the body's.
+    pub transfer: Transfer,
     /// `[cell]` nodes of the body in it, for its rotation.
     pub in_cell: Lists,
     /// `[cell]` length of its quaternion, the fourth root of the scale of its stiffness; 0 where nothing is.
@@ -89,9 +115,9 @@ impl Auxiliary {
         let of_grid = scene_of_grid(scene, of.body, cover.as_ref());
         if of.counts.is_some() {
             let model = Model::of_sizes(&of_grid, of.body)?;
-            let [weights, around, in_cell] = [0; 3].map(|_| Lists::default());
+            let (transfer, in_cell) = (Transfer::default(), Lists::default());
             let inside = cover.map_or(8 * model.grid.cell_count(), |cover| cover.inside.len());
-            return Ok(Self { model, weights, around, in_cell, scale: vec![], inside });
+            return Ok(Self { model, transfer, in_cell, scale: vec![], inside });
         }
         let model = Model::new(&of_grid, of.body)?;
         let mut out = match (cover, of.unstructured()) {
@@ -106,17 +132,10 @@ impl Auxiliary {
     fn same_nodes(model: Model, of: &Model) -> Self {
         let (params, cells) = (model.params::<f64>(), model.grid.cell_count());
         let same = (0..of.own_nodes() as u32).map(|i| (i, i, 1.0)).collect();
-        let weights = Lists::new(of.node_count(), same);
+        let transfer = Transfer::new([of.node_count(), model.own_nodes()], same);
         let corners = |cell: usize| params.corners(cell).map(|node| (cell as u32, node as u32, 1.0));
         let in_cell = Lists::new(cells, (0..cells).flat_map(corners).collect());
-        Self {
-            model,
-            around: weights.clone(),
-            weights,
-            inside: in_cell.members.len(),
-            in_cell,
-            scale: vec![1.0; cells],
-        }
+        Self { model, transfer, inside: in_cell.members.len(), in_cell, scale: vec![1.0; cells] }
     }
 
     /// Most weights that a body's nodes and their copies have.
@@ -135,7 +154,7 @@ impl Auxiliary {
         }
         for (i, free) in self.model.free.iter_mut().enumerate() {
             let (mut all, mut freed, mut mass) = (0.0, [0.0; 3], 0.0);
-            for (node, weight) in self.around.of(i) {
+            for (node, weight) in self.transfer.around.of(i) {
                 all += weight * weight;
                 (0..3).for_each(|n| freed[n] += weight * weight * own[node][n]);
                 mass += weight * own[node][3];
@@ -144,19 +163,6 @@ impl Auxiliary {
             *free = [x, y, z, if used[i] { mass } else { 0.0 }];
         }
         grid::prepare(&mut self.model, Preconditioner::Multigrid);
-    }
-
-    /// Has copies of nodes take the weights of those that they copy.
-    pub fn copy(&mut self, copies: &[[u32; 2]]) {
-        let mut source: Vec<usize> = (0..self.weights.first.len() - 1).collect();
-        copies.iter().for_each(|[copy, of]| source[*copy as usize] = source[*of as usize]);
-        let of = |(i, source): (usize, &usize)| {
-            self.weights.of(*source).map(move |(member, weight)| (i as u32, member as u32, weight))
-        };
-        let pairs: Vec<(u32, u32, f64)> = source.iter().enumerate().flat_map(of).collect();
-        let back = pairs.iter().map(|(i, member, weight)| (*member, *i, *weight)).collect();
-        self.weights = Lists::new(source.len(), pairs);
-        self.around = Lists::new(self.model.own_nodes(), back);
     }
 
     /// Size on the host, bytes.
@@ -276,7 +282,6 @@ impl Cover {
                 }
             }
         }
-        let back = pairs.iter().map(|(i, node, weight)| (*node, *i, *weight)).collect();
         // scales of the cells, and the nodes in them
         let count = grid.cell_count();
         let whole: f64 = size.iter().product::<f64>() / count as f64;
@@ -284,8 +289,7 @@ impl Cover {
         let inside: Vec<(u32, u32, f64)> = inside.into_iter().map(|(cell, node)| (cell, node, 1.0)).collect();
         let length = |scale: f64| if scale > 0.0 { scale.max(LEAST_SCALE).sqrt().sqrt() } else { 0.0 };
         Auxiliary {
-            weights: Lists::new(of.node_count(), pairs),
-            around: Lists::new(model.own_nodes(), back),
+            transfer: Transfer::new([of.node_count(), model.own_nodes()], pairs),
             inside: inside.len(),
             in_cell: Lists::new(count, inside),
             scale: stiffness.iter().enumerate().map(of_cell).map(length).collect(),
@@ -328,30 +332,18 @@ impl Tetrahedra {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Skin;
 
     #[test]
     fn weights_of_a_copy_are_those_of_its_original() {
-        let pairs = vec![(0, 4, 0.25), (0, 5, 0.75), (1, 5, 1.0)];
-        let back = Lists::new(8, pairs.iter().map(|(i, member, weight)| (*member, *i, *weight)).collect());
-        let layer = Layer { cells: 1, thickness: 1e-3, young: 1e4, poisson: 0.3, density: 1e3, ..Layer::default() };
-        let skin = Skin { size: [1e-3; 2], cells: [1; 2], layers: vec![layer], ..Skin::default() };
-        let scene = Scene { skins: vec![skin], ..Scene::default() };
         // nodes 2 and 3 are a reserve
-        let mut auxiliary = Auxiliary {
-            model: Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}")),
-            weights: Lists::new(4, pairs),
-            around: back,
-            in_cell: Lists::default(),
-            scale: vec![],
-            inside: 0,
-        };
-        auxiliary.copy(&[[2, 0], [3, 2]]);
-        let of = |list: usize| auxiliary.weights.of(list).collect::<Vec<_>>();
+        let mut transfer = Transfer::new([4, 6], vec![(0, 4, 0.25), (0, 5, 0.75), (1, 5, 1.0)]);
+        transfer.copy(&[[2, 0]]);
+        transfer.copy(&[[3, 2]]);
+        let of = |list: usize| transfer.weights.of(list).collect::<Vec<_>>();
         assert_eq!(of(2), of(0));
         assert_eq!(of(3), of(0));
         assert_ne!(of(1), of(0));
-        let around: Vec<_> = auxiliary.around.of(4).collect();
+        let around: Vec<_> = transfer.around.of(4).collect();
         assert_eq!(around, [(0, 0.25), (2, 0.25), (3, 0.25)]);
     }
 

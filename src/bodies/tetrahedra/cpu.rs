@@ -1,6 +1,6 @@
 //! Tetrahedra on the CPU path.
 
-use super::auxiliary::{Auxiliary, GAIN, Lists};
+use super::auxiliary::{Auxiliary, GAIN, Lists, Transfer};
 use super::operator::{Arrays, For, Rotations};
 use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::grid::cpu::Hexahedra;
@@ -28,7 +28,8 @@ pub struct Tetrahedra<R> {
 
 /// The auxiliary grid in one precision.
 struct Multigrid<R> {
-    host: Auxiliary,
+    transfer: Transfer,
+    in_cell: Lists,
     params: Params<R>,
     free: Vec<V4<R>>,
     hexahedra: Hexahedra<R>,
@@ -48,7 +49,8 @@ impl<R: Real> Multigrid<R> {
             weight_around: vec![],
             scale: host.scale.iter().map(|s| R::of(*s)).collect(),
             rotation: vec![[R::zero(); 4]; host.scale.len()],
-            host: host.clone(),
+            transfer: host.transfer.clone(),
+            in_cell: host.in_cell.clone(),
         };
         out.round();
         out
@@ -56,11 +58,11 @@ impl<R: Real> Multigrid<R> {
 
     fn round(&mut self) {
         let rounded = |lists: &Lists| lists.weight.iter().map(|w| R::of(*w)).collect();
-        (self.weight, self.weight_around) = (rounded(&self.host.weights), rounded(&self.host.around));
+        (self.weight, self.weight_around) = (rounded(&self.transfer.weights), rounded(&self.transfer.around));
     }
 
     fn refresh(&mut self, node_rotation: &[V4<R>]) {
-        let Lists { first, members, .. } = &self.host.in_cell;
+        let Lists { first, members, .. } = &self.in_cell;
         auxiliary_rotations::auxiliary_rotations(first, members, &self.scale, node_rotation, &mut self.rotation);
         self.hexahedra.turn(&self.params, &self.rotation);
         self.hexahedra.refresh(&self.params, &self.free);
@@ -84,7 +86,7 @@ impl<R: Real> Multigrid<R> {
         let down = Params { fresh: 1, ..self.params };
         let added = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*body };
         let zeros = |count: usize| vec![[R::zero(); 4]; count];
-        let (weights, around) = (&self.host.weights, &self.host.around);
+        let Transfer { weights, around } = &self.transfer;
         Box::new(move |work, r, z| {
             let (mut own_r, mut own_z) = (zeros(self.free.len()), zeros(self.free.len()));
             let (first, members, weight) = (&around.first, &around.members, &self.weight_around);
@@ -200,7 +202,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
             self.arrays.take(operator, changes);
         }
         if let (Some(multigrid), false) = (&mut self.multigrid, removal.copies.is_empty()) {
-            multigrid.host.copy(&removal.copies);
+            multigrid.transfer.copy(&removal.copies);
             multigrid.round();
         }
     }

@@ -1,6 +1,6 @@
 //! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
 
-use super::auxiliary::{Auxiliary, GAIN, Lists};
+use super::auxiliary::{Auxiliary, GAIN, Lists, Transfer};
 use super::operator::Arrays as Operator;
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded, over_columns};
 use crate::bodies::{MAX_LAYERS, Model, Removal};
@@ -42,7 +42,7 @@ pub(super) struct Tetrahedra {
 
 /// The auxiliary grid.
 struct Multigrid {
-    host: RefCell<Auxiliary>,
+    transfer: RefCell<Transfer>,
     hexahedra: Box<dyn Recorded>,
     params: Params<f32>,
     main: Buffer,
@@ -77,16 +77,16 @@ impl Multigrid {
         // with room for the copies that a cut makes
         let (nodes, most) = (body.node_count as usize, Auxiliary::most_weights(model));
         let of_body = [
-            made.with("first_weight", nodes + 1, || host.weights.first.clone())?,
+            made.with("first_weight", nodes + 1, || host.transfer.weights.first.clone())?,
             made.zeros::<u32>("weighted", most)?,
             made.zeros::<f32>("weight", most)?,
-            made.with("first_around", n + 1, || host.around.first.clone())?,
+            made.with("first_around", n + 1, || host.transfer.around.first.clone())?,
             made.zeros::<u32>("around", most)?,
             made.zeros::<f32>("weight_around", most)?,
             made.vec4("d", nodes * slots)?,
         ];
         let out = Self {
-            host: RefCell::new(host.clone()),
+            transfer: RefCell::new(host.transfer.clone()),
             own: hexahedra.shared().joined(&Arrays::of(&own)),
             of_body: Arrays::of(&of_body),
             body: Arrays::default(),
@@ -102,10 +102,10 @@ impl Multigrid {
 
     /// Writes the weights of the nodes.
     fn write(&self, gpu: &Gpu) {
-        let host = self.host.borrow();
+        let transfer = self.transfer.borrow();
         let lists = [
-            (&host.weights, ["first_weight", "weighted", "weight"]),
-            (&host.around, ["first_around", "around", "weight_around"]),
+            (&transfer.weights, ["first_weight", "weighted", "weight"]),
+            (&transfer.around, ["first_around", "around", "weight_around"]),
         ];
         for (Lists { first, members, weight }, names) in lists {
             let [to_first, to_members, to_weight] =
@@ -413,7 +413,7 @@ impl Recorded for Tetrahedra {
     /// Writes what has changed, and all of the lists of nodes and domains; the corners are the table of split nodes.
     fn take(&self, gpu: &Gpu, removal: &Removal) {
         if let (Some(multigrid), false) = (&self.multigrid, removal.copies.is_empty()) {
-            multigrid.host.borrow_mut().copy(&removal.copies);
+            multigrid.transfer.borrow_mut().copy(&removal.copies);
             multigrid.write(gpu);
         }
         let Some((operator, changes)) = &removal.operator else { return };
