@@ -1,4 +1,4 @@
-//! Restriction of a body's residual to an auxiliary grid: `r_a = F_a Pᵀ (r − w)`, `w = A z`; with `fresh`, `r_a = F_a Pᵀ r`.
+//! Restriction of a body's residual to an auxiliary grid: `r_a = F_a Pᵀ r`.
 //!
 //! `P` has the weights of the grid's trilinear shape functions at the body's nodes, `F` is the DOF mask. Units: N.
 //! Source: Xu 1996 (auxiliary space method).
@@ -16,24 +16,17 @@ pub const SOURCE: Source = Source {
 
 /// One right-hand side.
 pub fn auxiliary_restriction<R: Real>(
-    params: &Params<R>,        // of the grid; `fresh`
     first_around: &[u32],      // [node of the grid + 1] into around
     around: &[u32],            // nodes of the body
     weight_around: &[R],       // [around] weights
     auxiliary_free: &[V4<R>],  // [node of the grid] 1 free, 0 fixed, per axis
     r: &[V4<R>],               // [node] N
-    w: &[V4<R>],               // [node] N
     auxiliary_r: &mut [V4<R>], // [node of the grid] N
 ) {
     let one_node = |(i, out): (usize, &mut V4<R>)| {
         let mut sum = V3::zero();
         for n in first_around[i] as usize..first_around[i + 1] as usize {
-            let node = around[n] as usize;
-            let mut own = V3::from4(r[node]);
-            if params.fresh == 0 {
-                own = own - V3::from4(w[node]);
-            }
-            sum += own * weight_around[n];
+            sum += V3::from4(r[around[n] as usize]) * weight_around[n];
         }
         *out = sum.times(V3::from4(auxiliary_free[i])).pad(R::zero());
     };

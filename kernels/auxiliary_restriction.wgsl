@@ -5,9 +5,8 @@
 @group(0) @binding(3) var<storage, read> weight_around: array<f32>;            // [around] weights
 @group(0) @binding(4) var<storage, read> auxiliary_free: array<vec4<f32>>;     // [node of the grid] 1 free, 0 fixed, per axis
 @group(0) @binding(5) var<storage, read> r: array<vec4<f32>>;                  // [slot][node] N
-@group(0) @binding(6) var<storage, read> w: array<vec4<f32>>;                  // [slot][node] N
-@group(0) @binding(7) var<storage, read_write> auxiliary_r: array<vec4<f32>>;  // [slot][node of the grid] N
-@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;            // [slot × 2]
+@group(0) @binding(6) var<storage, read_write> auxiliary_r: array<vec4<f32>>;  // [slot][node of the grid] N
+@group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;            // [slot × 2]
 
 @compute @workgroup_size(64)
 fn auxiliary_restriction(thread: Thread) {
@@ -17,10 +16,7 @@ fn auxiliary_restriction(thread: Thread) {
     let offset = slot * (arrayLength(&r) / params.slot_count);
     var sum = vec3<f32>(0.0);
     for (var n = first_around[i]; n < first_around[i + 1u]; n += 1u) {
-        let node = offset + around[n];
-        var own = r[node].xyz;
-        if params.fresh == 0u { own -= w[node].xyz; }
-        sum += own * weight_around[n];
+        sum += r[offset + around[n]].xyz * weight_around[n];
     }
     auxiliary_r[slot * params.node_count + i] = vec4<f32>(sum * auxiliary_free[i].xyz, 0.0);
 }

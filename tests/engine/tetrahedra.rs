@@ -112,7 +112,7 @@ fn iterations(scene: &Scene, spoil: impl Fn(&mut Auxiliary)) -> (u32, Vec<[f64; 
     (outcomes[0].iterations, backend.solution(FREE).expect("the CPU path has no device to fail"))
 }
 
-/// A block of tetrahedra in a grid under its weight, or of a mesh that matches no grid.
+/// A block of tetrahedra in a grid under its weight.
 fn weighed(cells: u32, preconditioner: Preconditioner) -> Scene {
     let mut scene = small::block([20e-3; 2], [cells; 2], &[(cells / 4, 2.3e-3, 10e3, 0.45, 1000.0)]);
     scene.time.integrator = Integrator::Static;

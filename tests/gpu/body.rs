@@ -386,7 +386,7 @@ impl Body {
             "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
             "coarse_rotation" => random.many(self.coarse_frames() * 4, 1.0),
-            "r" | "w" if self.kernel == "auxiliary_restriction" => random.vectors((nodes + BESIDE) * self.slots, 0.01),
+            "r" if self.kernel == "auxiliary_restriction" => random.vectors((nodes + BESIDE) * self.slots, 0.01),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),

@@ -85,7 +85,7 @@ const CASES: &[Case] = cases! {
     ]
     auxiliary_restriction Nodes true [
         "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_free[i].xyz" => "", "slot * (arrayLength(&r) / params.slot_count)" => "slot * params.node_count",
-        "params.fresh == 0u" => "params.fresh == 1u", "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[slot * 2u].w != 0.0" => "false"
+        "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[slot * 2u].w != 0.0" => "false"
     ]
     auxiliary_rotations Cells false [
         "node_rotation[in_cell[n]]" => "node_rotation[n]", "select(q, -q," => "select(q, q,", "scale[cell] / sqrt" => "1.0 / sqrt", "if squared > 0.0" => "if squared > 9.0",

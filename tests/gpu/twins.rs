@@ -487,12 +487,11 @@ pub fn auxiliary_rotations<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn auxiliary_restriction<R: Real>(b: &Body) -> Outputs<R> {
     let (mut out, (first, nodes)) = (b.v4::<R>("auxiliary_r"), b.weighted());
-    let (weight, free, r, w) = (b.scalars("weight_around"), b.v4("auxiliary_free"), b.v4("r"), b.v4("w"));
+    let (weight, free, r) = (b.scalars("weight_around"), b.v4("auxiliary_free"), b.v4("r"));
     let beside: Vec<_> = running_of(b, b.nodes() + BESIDE).map(|(_, at)| at).collect();
     for ((_, at), from) in running(b).zip(beside) {
-        let (r, w) = (&r[from.clone()], &w[from]);
         let out = &mut out[at];
-        kernels::auxiliary_restriction::auxiliary_restriction(&b.params(), &first, &nodes, &weight, &free, r, w, out);
+        kernels::auxiliary_restriction::auxiliary_restriction(&first, &nodes, &weight, &free, &r[from], out);
     }
     vec![("auxiliary_r", flat(&out))]
 }

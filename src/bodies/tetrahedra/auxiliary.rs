@@ -9,8 +9,8 @@
 //! along an axis where most of the nodes near it are. A cut parts the grid as little as it parts coarse levels: a copy of a node has the
 //! weights of its original.
 //!
-//! Iterations of the skin block on 20×20×5 and 40×40×8 cells, ν 0.49, to 10⁻³ and 10⁻⁶ of its weight, and the time of a static step (CPU
-//! path, f64, two cores): 34 and 93, 39 and 102, 1.5 and 3.4 s on the finer one; with node blocks alone 132 and 316, 202 and 481, 4.8 and
+//! Iterations of the skin block on 20×20×5 and 40×40×5 cells, ν 0.49, to 10⁻³ and 10⁻⁶ of its weight, and the time of a static step (CPU
+//! path, f64, two cores): 34 and 93, 35 and 91, 1.5 and 3.4 s on the finer one; with node blocks alone 132 and 316, 202 and 481, 4.8 and
 //! 10.6 s. At ν 0.45 19 and 55. Dynamic steps of 5 ms of scenes/skin_tetra.toml, 1445 nodes: 24 iterations instead of 35, 0.95 of the time.
 //!
 //! Tried and not kept: the product of the two in place of their sum, with the same smoothing before and after (Chebyshev polynomials on
@@ -20,7 +20,8 @@
 use super::Tetrahedra;
 use crate::bodies::{Kind, MAX_LAYERS, Model, grid};
 use crate::error::Result;
-use crate::mesh::{Grid, Unstructured};
+use crate::kernels::Params;
+use crate::mesh::{Grid, Unstructured, trilinear};
 use crate::scene::{Element, Law, Layer, Mass, Preconditioner, Scene};
 
 /// Share of the inverse node blocks in a correction. Iterations to 1e-3 and 1e-6 of the skin block on 20×20×5 cells at ν 0.49 with 2, 1, 0.5,
@@ -260,28 +261,15 @@ impl Cover {
 
     fn fill(self, model: Model, of: &Model, mesh: &Unstructured) -> Auxiliary {
         let Self { low, size, cells, shear, stiffness, inside, .. } = self;
-        let grid: &Grid = &model.grid;
-        let [nx, ny, _] = cells.map(|c| c + 1);
-        // trilinear weights of the body's nodes
-        let mut pairs = vec![];
-        for (i, p) in mesh.mesh.nodes().iter().enumerate() {
-            let along = [0, 1, 2].map(|n| {
-                let x = ((p[n] - low[n]) / size[n] * cells[n] as f64).clamp(0.0, cells[n] as f64);
-                let cell = (x as usize).min(cells[n] - 1);
-                (cell, x - cell as f64)
-            });
-            for corner in 0..8usize {
-                let (mut weight, mut at) = (1.0, [0; 3]);
-                for n in 0..3 {
-                    let up = corner >> n & 1;
-                    weight *= if up == 1 { along[n].1 } else { 1.0 - along[n].1 };
-                    at[n] = along[n].0 + up;
-                }
-                if weight > LEAST {
-                    pairs.push((i as u32, (at[0] + nx * (at[1] + ny * at[2])) as u32, weight));
-                }
-            }
-        }
+        // trilinear weights of the body's nodes, in the grid's frame
+        let (grid, params): (&Grid, Params<f64>) = (&model.grid, model.params());
+        let bottom = [low[0] + 0.5 * size[0], low[1] + 0.5 * size[1], low[2]];
+        let of_node = |(i, p): (usize, &[f64; 3])| {
+            let (cell, natural) = grid.cell_at([0, 1, 2].map(|n| p[n] - bottom[n]));
+            let weights = params.corners(cell).into_iter().zip(trilinear(natural));
+            weights.filter(|(_, weight)| *weight > LEAST).map(move |(node, weight)| (i as u32, node as u32, weight))
+        };
+        let pairs = mesh.mesh.nodes().iter().enumerate().flat_map(of_node).collect();
         // scales of the cells, and the nodes in them
         let count = grid.cell_count();
         let whole: f64 = size.iter().product::<f64>() / count as f64;

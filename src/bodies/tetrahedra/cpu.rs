@@ -83,14 +83,13 @@ impl<R: Real> Multigrid<R> {
         free: &'a [V4<R>],
     ) -> Preconditioner<'a, R> {
         let cycle = self.hexahedra.preconditioner(&self.params, &self.free);
-        let down = Params { fresh: 1, ..self.params };
         let added = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*body };
         let zeros = |count: usize| vec![[R::zero(); 4]; count];
         let Transfer { weights, around } = &self.transfer;
         Box::new(move |work, r, z| {
             let (mut own_r, mut own_z) = (zeros(self.free.len()), zeros(self.free.len()));
             let (first, members, weight) = (&around.first, &around.members, &self.weight_around);
-            auxiliary_restriction::auxiliary_restriction(&down, first, members, weight, &self.free, r, &[], &mut own_r);
+            auxiliary_restriction::auxiliary_restriction(first, members, weight, &self.free, r, &mut own_r);
             cycle(work, &own_r, &mut own_z);
             let (mut w, mut d) = (zeros(z.len()), zeros(z.len()));
             let (first, members, weight) = (&weights.first, &weights.members, &self.weight);

@@ -144,7 +144,7 @@ impl Multigrid {
         let gpu = made.gpu;
         let params = Params { first_slot: body.first_slot, ..self.params };
         // restriction, V-cycle, correction, and the node blocks' share
-        let down = made.params(&Params { fresh: 1, ..params });
+        let down = made.params(&params);
         let names = [("free", "auxiliary_free"), ("r", "auxiliary_r"), ("z", "auxiliary_z")];
         let both = self.named(&names);
         let restrict = both.bind(gpu, &auxiliary_restriction::SOURCE, &[("params", &down)])?;
