@@ -202,6 +202,13 @@ impl Patch {
         (self.material_point(triangle, weights), distance.abs())
     }
 
+    /// The surface's point nearest to a point: where it is at rest, and its cell; `rest` gives corners' positions at rest.
+    pub fn at_rest(&self, point: DVec3, rest: impl Fn(u32) -> DVec3) -> (DVec3, u32) {
+        let (triangle, weights, ..) = self.project(point);
+        let corners = self.material_point(triangle, weights).0;
+        (corners.iter().map(|(node, weight)| rest(*node) * *weight).sum(), self.cells[triangle])
+    }
+
     fn position(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
         let c = &self.corners[triangle];
         c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2]

@@ -4,7 +4,6 @@ use super::{Model, Refused};
 use crate::error::Result;
 use crate::mesh::{Grid, MaterialPoint, Misfit};
 use crate::scene::{LoadKind, ProbeKind, Region, Scene, cells_of};
-use std::collections::BTreeMap;
 
 /// Refuses a surface that is too thin for its cells, and regions and points outside of it, where a scene knows the box of the grid alone.
 ///
@@ -84,12 +83,7 @@ impl Model {
     pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
         let Some(embedded) = &self.grid.embedded else { return point };
         let first = self.node_count() as u32;
-        let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
-        for (id, weight) in point.0 {
-            let own = if id < first { MaterialPoint::node(id) } else { embedded.point(id - first) };
-            own.0.into_iter().for_each(|(node, part)| *sum.entry(node).or_default() += weight * part);
-        }
-        MaterialPoint(sum.into_iter().collect())
+        point.through(|id| if id < first { MaterialPoint::node(id) } else { embedded.point(id - first) })
     }
 
     /// Share of a cell's volume that belongs to the body: 1 but for cells that an embedded surface cuts.

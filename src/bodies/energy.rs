@@ -28,6 +28,8 @@ pub struct Snapshot {
     pub split: Vec<u32>,
     /// `[spring]` law; empty for hexahedra.
     pub law: Vec<V4<f64>>,
+    /// `[cell]` share of its volume that tools have left; empty where they have carved no space.
+    pub shares: Vec<f64>,
 }
 
 impl Snapshot {
@@ -54,12 +56,12 @@ pub struct Solved {
     pub elastic_at: Option<f64>,
 }
 
-/// Elastic energy of a displacement field with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for
-/// removed cells), `law` of the springs after all cuts.
-pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
+/// Elastic energy of a state with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for removed
+/// cells), at the state's displacements or its own.
+pub fn elastic_energy(model: &Model, state: &Snapshot, rotation: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
-    let anchored = model.anchors.energy(u, mechanics.stays(model, rotation, split, law));
-    anchored + mechanics.energy(model, u, rotation, split, law)
+    let anchored = model.anchors.energy(&state.u, mechanics.stays(model, rotation, &state.split, &state.law));
+    anchored + mechanics.energy(model, state, rotation)
 }
 
 /// Energy of bodies, J.
@@ -98,7 +100,7 @@ pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Energy {
     let rotation = model.mechanics().rotations(model, state);
     let g = V3::of(model.step.gravity);
     let momenta = mean_velocities(model, state);
-    let elastic = elastic_energy(model, &state.u, &rotation, &state.split, &state.law);
+    let elastic = elastic_energy(model, state, &rotation);
     let mut sum = Energy { elastic, ..Energy::default() };
     for node in 0..state.u.len() {
         let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], load[node]].map(V3::from4);

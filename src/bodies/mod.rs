@@ -40,7 +40,7 @@ use crate::kernels::Params;
 use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V3, V4};
-use crate::mesh::{Grid, MaterialPoint, Unstructured};
+use crate::mesh::{Carved, Grid, MaterialPoint, Unstructured};
 use crate::scene::{Anchor, Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
@@ -122,9 +122,8 @@ pub trait Mechanics {
     fn exact(&self) -> Kind;
     /// Size of the arrays on the host, bytes.
     fn host_bytes(&self, model: &Model) -> usize;
-    /// Elastic energy at displacements `u`, J; `rotation` as stored by the kernels (0 for removed cells), `law` of the springs after all
-    /// cuts.
-    fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64;
+    /// Elastic energy of a state, J; `rotation` as stored by the kernels (0 for removed cells).
+    fn energy(&self, model: &Model, state: &Snapshot, rotation: &[V4<f64>]) -> f64;
     /// Elastic forces of a step at displacements `at`, and the product of the step's matrix with the increment found, `[node]` N;
     /// `in_system` has the DOF masks and masses of that matrix.
     fn forces_and_product(
@@ -194,6 +193,10 @@ pub trait Mechanics {
     /// Removes cells from a wound, and what would hang by an edge or a corner without them; returns the changes for the backend.
     fn carve(&self, _: &Model, _: &mut Wound, _: &[u32]) -> Removal {
         unreachable!("tools carve hexahedra and tetrahedra alone")
+    }
+    /// Removes space from a grid of hexahedra of a large-strain law; returns the changes for the backend.
+    fn carve_space(&self, _: &Model, _: &mut Wound, _: &Carved) -> Removal {
+        unreachable!("scenes refuse to carve space out of others")
     }
     /// Number of connected pieces of the body; `None` where they are not counted.
     fn pieces(&self, wound: &Wound) -> Option<usize>;

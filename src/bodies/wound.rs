@@ -6,7 +6,7 @@ use super::Model;
 use crate::kernels::cut::Hit;
 use crate::kernels::tetrahedra::{Arrays, Changes};
 use crate::math::V4;
-use crate::mesh::Surface;
+use crate::mesh::{Carved, Surface};
 use std::sync::Arc;
 
 /// Totals for the report.
@@ -72,6 +72,8 @@ pub struct Removal {
     pub words: Vec<(u32, u32)>,
     /// New DOF masks and masses of nodes in use.
     pub free: Vec<(u32, V4<f64>)>,
+    /// Cells that have lost a share of their volume, with their factors on the stiffness of their layer.
+    pub scale: Vec<(u32, f64)>,
     /// Operator of tetrahedra, and where it has changed.
     pub operator: Option<(Arc<Arrays<f64>>, Changes)>,
 }
@@ -158,9 +160,24 @@ impl Wound {
         removal
     }
 
+    /// Removes space; returns the changes for the backend.
+    pub fn carve_space(&mut self, model: &Model, carved: &Carved) -> Removal {
+        let removal = model.mechanics().carve_space(model, self, carved);
+        self.extend(model);
+        removal
+    }
+
+    /// Rest position of the surface's corner at a node, m.
+    pub fn rest_of_corner(&self, node: u32) -> [f64; 3] {
+        let (at, offset) = (self.rest[node as usize], self.surface.corner(node as usize).offset);
+        [0, 1, 2].map(|n| at[n] + offset[n])
+    }
+
     /// Measures the wound.
     fn extend(&mut self, model: &Model) {
-        if self.totals.links + self.open.len() + self.totals.hexes + self.totals.tetrahedra > 0 {
+        if self.totals.links + self.open.len() + self.totals.hexes + self.totals.tetrahedra > 0
+            || self.totals.volume > 0.0
+        {
             self.totals.length = self.all.length();
             self.totals.length_top = self.top.length();
             self.totals.depth = model.position[2] + model.grid.thickness() - self.all.low[2];

@@ -2,6 +2,7 @@
 
 use super::{Embedded, Grid, Unstructured};
 use crate::kernels::corner;
+use std::collections::BTreeMap;
 
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
 /// acts on the nodes by the same weights. Empty for a side that no deformable body has.
@@ -19,6 +20,16 @@ impl MaterialPoint {
     /// Nodes with their weights; those without weight are left out.
     pub fn of<const N: usize>(nodes: [u32; N], weights: [f64; N]) -> Self {
         Self(nodes.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect())
+    }
+
+    /// The same where what stands for nodes are points themselves.
+    #[must_use]
+    pub fn through(self, of: impl Fn(u32) -> Self) -> Self {
+        let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
+        for (id, weight) in self.0 {
+            of(id).0.into_iter().for_each(|(node, part)| *sum.entry(node).or_default() += weight * part);
+        }
+        Self(sum.into_iter().collect())
     }
 
     /// Its nodes.

@@ -1,7 +1,7 @@
 //! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside
 //! likewise; of an embedded surface, its triangles.
 
-use super::{Corner, Face, Grid, Outside, Parts, TetrahedralParts};
+use super::{Carved, Corner, Distance, Face, Grid, MaterialPoint, Outside, Parts, Pit, TetrahedralParts, Thinned};
 use crate::kernels::Params;
 
 /// Edge defects of a surface; both are 0 for an uncut body.
@@ -24,6 +24,8 @@ pub struct Surface {
     tetrahedra: Option<TetrahedralParts>,
     /// Severed links and duplicated nodes.
     pub parts: Parts,
+    /// Space that tools have carved out of the cells.
+    pit: Pit,
 }
 
 /// Corners of the six faces (outward, VTK numbers) with the step to the neighbour.
@@ -47,7 +49,7 @@ impl Surface {
         let alive = (0..params.cell_count as usize).map(|cell| grid.is_present(cell)).collect();
         let reserve = params.node_count as usize - grid.node_count();
         let tetrahedra = grid.unstructured.as_ref().map(|of| TetrahedralParts::new(of.clone(), reserve));
-        Self { of: grid.clone(), params, alive, tetrahedra, parts: Parts::new(params) }
+        Self { of: grid.clone(), params, alive, tetrahedra, parts: Parts::new(params), pit: Pit::default() }
     }
 
     /// Grid of the body.
@@ -111,6 +113,52 @@ impl Surface {
         self.tetrahedra.as_ref().map_or_else(|| self.parts.in_use(node), |of| of.in_use(node))
     }
 
+    /// Share of a present cell that tools have left, 1 for a whole one.
+    pub fn share(&self, cell: usize) -> f64 {
+        self.pit.share(cell)
+    }
+
+    /// `[cell]` shares of the cells that are left; empty where tools have carved no space.
+    pub fn shares(&self) -> Vec<f64> {
+        let count = if self.pit.is_empty() { 0 } else { self.alive.len() };
+        (0..count).map(|cell| if self.alive[cell] { self.share(cell) } else { 0.0 }).collect()
+    }
+
+    /// Removes space from the cells; returns those that have lost something.
+    pub(crate) fn carve(&mut self, carved: &Carved) -> Vec<Thinned> {
+        self.pit.carve(carved)
+    }
+
+    /// What is reached of some present cells, in ascending order, and of faces there ([`Pit::reached`]).
+    pub(crate) fn reached(
+        &self,
+        near: (&[u32], &[Face]),
+        moved: &(dyn Fn(u32) -> [f64; 3] + Sync),
+        of: &Distance,
+    ) -> Carved {
+        self.pit.reached(&self.of, near, moved, of)
+    }
+
+    /// A cell and the present ones that touch it in a face, an edge or a corner.
+    pub(crate) fn beside(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let at = self.params.cell_at(cell);
+        let size = [self.params.cells_x, self.params.cells_y, self.params.cells_z].map(|n| n as usize);
+        let range = move |n: usize| at[n].saturating_sub(1)..(at[n] + 2).min(size[n]);
+        let all = range(2).flat_map(move |k| range(1).flat_map(move |j| range(0).map(move |i| [i, j, k])));
+        all.map(|at| self.params.cell_id(at)).filter(|cell| self.alive[*cell])
+    }
+
+    /// A point of corners of the surface as one of nodes: corners on carved space move with those of a cell.
+    pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
+        if self.pit.is_empty() {
+            return point;
+        }
+        point.through(|node| match self.pit.corner(&self.of, &self.alive, node as usize) {
+            Some(corner) => MaterialPoint::of(corner.nodes, corner.weights),
+            None => MaterialPoint::node(node),
+        })
+    }
+
     /// Surface corner at a node; points of an embedded surface are numbered after the nodes.
     pub fn corner(&self, node: usize) -> Corner {
         if let Some(embedded) = &self.of.embedded
@@ -118,7 +166,9 @@ impl Surface {
         {
             return Corner { offset: [0.0; 3], nodes: embedded.nodes[point], weights: embedded.weights[point] };
         }
-        self.tetrahedra.as_ref().map_or_else(|| self.parts.corner(&self.of, node), |of| of.corner(node))
+        let carved = self.pit.corner(&self.of, &self.alive, node);
+        let cut = || self.tetrahedra.as_ref().map_or_else(|| self.parts.corner(&self.of, node), |of| of.corner(node));
+        carved.unwrap_or_else(cut)
     }
 
     /// Remaining cells, each with its layer and corner nodes.

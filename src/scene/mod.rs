@@ -168,6 +168,12 @@ impl Scene {
         self.time.integrator.newton(self.solver.newton, self.contact.is_some())
     }
 
+    /// Whether a tool carves space out of a deformable body.
+    pub fn carves_space(&self, body: usize) -> bool {
+        let carves = |tool: &Tool| tool.carve.is_some_and(|carve| !carve.whole_cells);
+        self.skins[body].has_space_to_carve() && self.tools.iter().any(carves)
+    }
+
     /// The scene as run by the tests: with the cells and steps of its test form.
     #[must_use]
     pub fn in_test_form(&self) -> Self {
@@ -323,6 +329,15 @@ impl Skin {
     /// Whether tools that carve remove its cells, or its tetrahedra.
     pub fn can_be_carved(&self) -> bool {
         !matches!(self.law, Law::Springs { .. }) && self.cut == Cut::Remove && self.embedded.is_none()
+    }
+
+    /// Whether tools may carve space out of it that is finer than its cells: out of hexahedra of a large-strain law, whose cells have factors on
+    /// their stiffness and mass.
+    pub fn has_space_to_carve(&self) -> bool {
+        self.can_be_carved()
+            && matches!(self.law, Law::Hyperelastic(_))
+            && self.mesh.is_none()
+            && self.mass != Mass::Consistent
     }
 
     /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.

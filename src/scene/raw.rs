@@ -379,6 +379,7 @@ pub(super) struct Coupling {
 pub(super) struct Carve {
     pub distance_mm: Option<At<f64>>,
     pub pressure_kpa: Option<At<f64>>,
+    pub whole_cells: Option<bool>,
 }
 
 #[derive(serde::Deserialize)]

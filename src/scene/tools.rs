@@ -147,6 +147,7 @@ fn carve(scene: &SceneText, raw: raw::Carve) -> Result<Carve> {
     Ok(Carve {
         distance: scene.number("distance_mm", &or(raw.distance_mm, 0.1), MM, Bound::NotNegative)?,
         pressure: scene.number("pressure_kpa", &or(raw.pressure_kpa, 0.0), KPA, Bound::NotNegative)?,
+        whole_cells: raw.whole_cells.unwrap_or(false),
     })
 }
 
@@ -160,12 +161,30 @@ pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Co
     if correction == Correction::Precomputed {
         return unfit("correction = \"precomputed\" has the compliance of the whole body; take \"exact\"");
     }
-    match skins.iter().any(Skin::can_be_carved) {
-        true => Ok(()),
-        false => unfit(
-            "it removes whole hexahedra or tetrahedra; write cut = \"remove\" in the [skin] or [[block]] that it carves, of these",
-        ),
+    if !skins.iter().any(Skin::can_be_carved) {
+        return unfit(
+            "it carves hexahedra or tetrahedra; write cut = \"remove\" in the [skin] or [[block]] that it carves, of these",
+        );
     }
+    let of_space = tools.iter().filter_map(|tool| Some((tool, tool.carve.filter(|carve| !carve.whole_cells)?)));
+    for (tool, carve) in of_space {
+        let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
+        if skins.iter().any(|skin| skin.can_be_carved() && !skin.has_space_to_carve()) {
+            return unfit(
+                "space is carved out of grids of hexahedra with a large-strain law and without a consistent mass; write whole_cells = true for \
+                 the others",
+            );
+        }
+        let radius = tool.round.map_or(0.0, |round| round.radius) + carve.distance;
+        let edge = |skin: &Skin| (0..2).map(|n| skin.size[n] / f64::from(skin.cells[n])).fold(0.0, f64::max);
+        if carve.distance <= 0.0 || skins.iter().any(|skin| skin.has_space_to_carve() && 2.0 * radius < edge(skin)) {
+            return unfit(
+                "what it takes at a contact, a ball of its radius and distance_mm, is smaller than a cell; write whole_cells = true, a larger \
+                 distance_mm or more cells",
+            );
+        }
+    }
+    Ok(())
 }
 
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {

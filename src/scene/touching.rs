@@ -39,13 +39,21 @@ pub struct Tool {
     pub free: Option<Motion>,
 }
 
-/// Removal of whole cells, as by SOFA's CarvingManager: those behind the faces that a tool touches.
+/// Removal of the tissue that a tool touches, at the end of each step.
 #[derive(Clone, Copy, Debug)]
 pub struct Carve {
-    /// Gap below which a contact removes its cell, at the end of a step, m.
+    /// Reach from the tool's surface within which a contact removes tissue, m.
     pub distance: f64,
     /// Normal force of a contact per area of its face below which it removes nothing, Pa.
     pub pressure: f64,
+    /// Whole cells behind the faces that it touches, as by SOFA's CarvingManager, in place of the space that it reaches.
+    pub whole_cells: bool,
+}
+
+impl Default for Carve {
+    fn default() -> Self {
+        Self { distance: 1e-4, pressure: 0.0, whole_cells: false }
+    }
 }
 
 /// Motion of a rigid body.

@@ -20,7 +20,7 @@ use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::{V4, larger, norm};
-use crate::mesh::{Corner, Face};
+use crate::mesh::{Carved, Corner, Face};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 pub(super) use compliance::Places;
@@ -79,6 +79,8 @@ pub(super) enum Cut {
     Swept(Vec<Hit<f64>>),
     /// Cells that a tool has carved.
     Carved(Vec<u32>),
+    /// Space that a tool has carved.
+    Space(Carved),
 }
 
 /// A floating body resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of
@@ -241,7 +243,7 @@ impl Body {
     /// # Errors
     /// When the device fails.
     pub fn snapshot(&mut self) -> Result<Snapshot> {
-        self.backend.snapshot()
+        Ok(Snapshot { shares: self.wound.surface.shares(), ..self.backend.snapshot()? })
     }
 
     /// Totals of its wound.

@@ -266,12 +266,13 @@ impl Simulation {
             }
             debug_assert_eq!(body.located.faces.len(), tools + others + walls);
         }
-        // forces on an embedded surface act on the nodes of its cells
+        // forces on an embedded surface, or on carved space, act on the nodes of the cells
         for contact in &mut found {
             for side in 0..2 {
                 if let BodyId::Deformable(number) = contact.on[side] {
                     let point = std::mem::take(&mut contact.points[side]);
-                    contact.points[side] = self.bodies[number].model.on_nodes(point);
+                    let body = &self.bodies[number];
+                    contact.points[side] = body.model.on_nodes(body.wound.surface.on_nodes(point));
                 }
             }
         }

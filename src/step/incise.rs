@@ -21,17 +21,25 @@ use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::mesh::Face;
+use crate::mesh::{Carved, Face};
 use crate::scene::BodyId;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
 pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
 
 /// Retreat of pieces of edge from the front of their cut, m, by tool and sample.
 pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
+
+/// Contact of a tool that carves space: see [`Simulation::carved_cells`].
+struct Touched {
+    at: DVec3,
+    cell: u32,
+    gap: f64,
+    force: f64,
+}
 
 /// Swept position of the end of a sticking piece.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -73,39 +81,91 @@ impl Simulation {
         done
     }
 
-    /// Removes the cells behind the contacts of tools that carve, where they are near enough and press hard enough.
+    /// Removes the tissue that tools carve, where they are near enough and press hard enough: the cells behind their contacts, or the space
+    /// that they reach.
     pub(super) fn carve(&mut self, report: &mut StepReport) -> Result<()> {
         let contact = &report.contact;
         let mut cells: Vec<Vec<u32>> = vec![vec![]; self.bodies.len()];
         for (k, found) in contact.contacts.iter().enumerate() {
             let [BodyId::Rigid(tool), BodyId::Deformable(number)] = found.on else { continue };
             let Some(carve) = self.scene.tools[tool].carve else { continue };
-            if !self.scene.skins[number].can_be_carved() {
+            if !carve.whole_cells || !self.scene.skins[number].can_be_carved() {
                 continue;
             }
             // the face that the contact is on, and what presses on it
             let located = &self.bodies[number].located;
             let holds = |face: &&Face| found.points[1].nodes().all(|node| face.nodes.contains(&node));
             let Some(face) = located.faces[tool].iter().find(holds) else { continue };
-            let [a, b, c, d] = face.nodes.map(|node| self.bodies[number].position(node));
-            let area = 0.5 * (c - a).cross(d - b).length();
+            let area = self.bodies[number].area_of(face);
             let gap = found.gap[0] + found.axes[0].dot(contact.slips[k]);
             if gap <= carve.distance && contact.forces[k][0] >= carve.pressure * area {
                 cells[number].push(face.cell);
             }
         }
-        for (body, mut cells) in self.bodies.iter_mut().zip(cells) {
+        for (number, mut cells) in cells.into_iter().enumerate() {
             cells.sort_unstable();
             cells.dedup();
-            let mass = body.wound.mass_of_nodes();
-            let removed = body.carve(&cells)?;
+            let space = self.scene.carves_space(number);
+            let carves = |tool: &usize| space && self.scene.tools[*tool].carve.is_some_and(|carve| !carve.whole_cells);
+            let tools: Vec<usize> = (0..self.scene.tools.len()).filter(carves).collect();
+            let (mass, volume) = (self.bodies[number].wound.mass_of_nodes(), self.bodies[number].wound.totals.volume);
+            let mut removed = self.bodies[number].carve(&cells)?;
+            for tool in tools {
+                let near = self.carved_cells(tool, number, report);
+                let reach = self.scene.tools[tool].carve.map_or(0.0, |carve| carve.distance);
+                let body = &mut self.bodies[number];
+                let carved = body.reached(&near, (tool, &self.tools[tool]), reach)?;
+                removed += body.carve_space(&carved)?;
+            }
+            let body = &mut self.bodies[number];
             report.carved += removed;
-            self.epoch += u32::from(removed > 0);
+            self.epoch += u32::from(body.wound.totals.volume > volume);
             // mass that has left takes its potential with it
             let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
             self.booked.removed += weight.max(0.0) * body.boxes.farthest();
         }
         Ok(())
+    }
+
+    /// Present cells of a body, in ascending order, out of which a tool may take space: those around the contacts that are within its reach and
+    /// press hard enough, by the mean over a cell's width, and the cells beside them.
+    fn carved_cells(&self, tool: usize, number: usize, report: &StepReport) -> Vec<u32> {
+        let (contact, body) = (&report.contact, &self.bodies[number]);
+        let (Some(carve), Some(patch)) = (self.scene.tools[tool].carve, &body.located.patches[tool]) else { return vec![] };
+        let corners: BTreeMap<u32, DVec3> = (body.located.faces[tool].iter().flat_map(|face| face.nodes))
+            .map(|node| (node, DVec3::from_array(body.wound.rest_of_corner(node))))
+            .collect();
+        let rest = |node: u32| corners.get(&node).copied().unwrap_or_default();
+        // where contacts are at rest, the cell there, the present gap and the force
+        let of_pair = |c: &Contact| c.on == [BodyId::Rigid(tool), BodyId::Deformable(number)];
+        let touched: Vec<Touched> = (contact.contacts.iter().enumerate())
+            .filter(|(_, c)| of_pair(c))
+            .map(|(k, c)| {
+                let (at, cell) = patch.at_rest(c.point - c.axes[0] * c.gap[0], rest);
+                Touched { at, cell, gap: c.gap[0] + c.axes[0].dot(contact.slips[k]), force: contact.forces[k][0] }
+            })
+            .collect();
+        let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
+        for face in body.located.faces[tool].iter().filter(|face| touched.iter().any(|t| t.cell == face.cell)) {
+            *areas.entry(face.cell).or_default() += body.area_of(face);
+        }
+        let width = body.model.cell_width();
+        let presses = |here: &&Touched| {
+            let near = || touched.iter().filter(|t| t.at.distance(here.at) <= width);
+            let cells: BTreeSet<u32> = near().map(|t| t.cell).collect();
+            let area: f64 = cells.iter().filter_map(|cell| areas.get(cell)).sum();
+            near().map(|t| t.force).sum::<f64>() >= carve.pressure * area
+        };
+        let taken: Vec<DVec3> =
+            touched.iter().filter(|here| here.gap <= carve.distance).filter(presses).map(|here| here.at).collect();
+        let mut cells = BTreeSet::new();
+        for face in &body.located.faces[tool] {
+            let centre = face.nodes.map(rest).iter().sum::<DVec3>() * 0.25;
+            if taken.iter().any(|at| at.distance(centre) <= 1.5 * width) {
+                cells.extend(body.wound.surface.beside(face.cell as usize).map(|cell| cell as u32));
+            }
+        }
+        cells.into_iter().collect()
     }
 
     /// Moves the fronts of the pieces of edge: sticking pieces move relative to the skin, the others by their own motion. A piece that has
@@ -251,6 +311,48 @@ impl Body {
         let removal = self.wound.carve(&self.model, cells);
         self.apply(&removal)?;
         Ok(removal.cells.len() as u32)
+    }
+
+    /// What a tool reaches of some cells, in ascending order, at their present positions: all that is nearer to its surface than `reach`, m.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn reached(&mut self, cells: &[u32], (number, tool): (usize, &Instrument), reach: f64) -> Result<Carved> {
+        let mut nodes: Vec<u32> =
+            cells.iter().flat_map(|c| self.wound.surface.corners_of(*c as usize)).map(|node| node as u32).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        if nodes.is_empty() {
+            return Ok(Carved::default());
+        }
+        self.read(Query { displacements: nodes, ..Query::default() })?;
+        let (known, origin) = (&self.known.u, self.origin());
+        let moved = |node: u32| known[&node];
+        let distance = |at: [f64; 3]| {
+            let (distance, along) = tool.distance(DVec3::from_array(at) + origin);
+            (distance - reach, along.to_array())
+        };
+        Ok(self.wound.surface.reached((cells, &self.located.faces[number]), &moved, &distance))
+    }
+
+    /// Removes space; returns how many cells are gone with it.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub(super) fn carve_space(&mut self, carved: &Carved) -> Result<u32> {
+        if carved.cells.is_empty() {
+            return Ok(0);
+        }
+        self.cuts.push(Cut::Space(carved.clone()));
+        let removal = self.wound.carve_space(&self.model, carved);
+        self.apply(&removal)?;
+        Ok(removal.cells.len() as u32)
+    }
+
+    /// Area of a located face, m².
+    fn area_of(&self, face: &Face) -> f64 {
+        let [a, b, c, d] = face.nodes.map(|node| self.position(node));
+        0.5 * (c - a).cross(d - b).length()
     }
 
     /// Applies the changes of a wound.

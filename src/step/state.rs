@@ -177,6 +177,7 @@ impl Body {
             match cut {
                 Cut::Swept(hits) => self.sever(hits)?,
                 Cut::Carved(cells) => self.carve(cells)?,
+                Cut::Space(carved) => self.carve_space(carved)?,
             };
         }
         self.backend.set_state(&state.u, &state.v, &state.rotation)?;

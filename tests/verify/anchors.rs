@@ -258,7 +258,7 @@ fn energy_rise(law: Law, damping: f64, counted: bool) -> f64 {
     let total = |body: &mut Body| {
         let s = body.state();
         let kinetic: f64 = s.v.iter().zip(&judged.free).map(|(v, f)| 0.5 * f[3] * dot(xyz(*v), xyz(*v))).sum();
-        kinetic + elastic_energy(&judged, &s.u, &s.rotation, &s.split, &s.law)
+        kinetic + elastic_energy(&judged, &s, &s.rotation)
     };
     let first = total(&mut body);
     let (mut last, mut rise) = (first, f64::NEG_INFINITY);
@@ -326,7 +326,7 @@ fn cut() {
     assert_eq!(free(&mut with), wound.free, "masses are the body's, not those of its system");
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");
-    let energy = elastic_energy(&model, &state.u, &state.rotation, &state.split, &state.law);
+    let energy = elastic_energy(&model, &state, &state.rotation);
     let springs = 0.5 * STIFFNESS * 1e-10 * (model.anchors.nodes.len() - 1) as f64;
     assert!((energy / springs - 1.0).abs() < 1e-9, "{energy:e} J, wanted {springs:e}");
     assert!(free(&mut with)[1][3] < model.free[1][3]);

@@ -7,7 +7,7 @@
 use super::Case;
 use super::dense::multiply;
 use super::setup::{Random, block, measured, model};
-use cutis::bodies::{Model, elastic_energy};
+use cutis::bodies::{Model, Snapshot, elastic_energy};
 use cutis::kernels::springs_product::springs_product;
 use cutis::kernels::{forces, rotations, springs};
 use cutis::math::{V3, V4, rotation_matrix};
@@ -46,8 +46,8 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
 }
 
 fn energy(model: &Model, u: &[V4<f64>]) -> f64 {
-    let law = model.springs().map_or(&[][..], |s| &s.law);
-    elastic_energy(model, u, &force(model, u)[1], &[], law)
+    let law = model.springs().map_or(vec![], |s| s.law.clone());
+    elastic_energy(model, &Snapshot { u: u.to_vec(), law, ..Snapshot::default() }, &force(model, u)[1])
 }
 
 fn along(u: &[V4<f64>], z: &[V4<f64>], step: f64) -> Vec<V4<f64>> {

@@ -276,7 +276,7 @@ fn kinetic(model: &Model, state: &Snapshot) -> f64 {
 }
 
 fn energy(model: &Model, state: &Snapshot) -> f64 {
-    kinetic(model, state) + elastic_energy(model, &state.u, &state.rotation, &state.split, &state.law)
+    kinetic(model, state) + elastic_energy(model, state, &state.rotation)
 }
 
 /// Energies of the state every so many steps, relative to the first.

@@ -32,7 +32,7 @@ fn kinetic(model: &Model, state: &Snapshot) -> f64 {
 }
 
 fn energy(model: &Model, state: &Snapshot) -> f64 {
-    kinetic(model, state) + elastic_energy(model, &state.u, &state.rotation, &state.split, &state.law)
+    kinetic(model, state) + elastic_energy(model, state, &state.rotation)
 }
 
 /// Linear and angular momentum about the origin, kg·m/s and kg·m²/s.

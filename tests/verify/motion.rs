@@ -153,7 +153,7 @@ fn energy_rise(model: Model, steps: u32) -> f64 {
         let state = body.state();
         let kinetic: f64 =
             state.v.iter().zip(&body.model.free).map(|(v, free)| 0.5 * free[3] * dot(xyz(*v), xyz(*v))).sum();
-        kinetic + elastic_energy(&body.model, &state.u, &state.rotation, &state.split, &state.law)
+        kinetic + elastic_energy(&body.model, &state, &state.rotation)
     };
     let first = total(&mut body);
     let (mut last, mut rise) = (first, f64::NEG_INFINITY);

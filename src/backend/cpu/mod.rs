@@ -339,7 +339,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
         let [u, v, free] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
-        Ok(Snapshot { u, v, rotation, split, free, law })
+        Ok(Snapshot { u, v, rotation, split, free, law, shares: vec![] })
     }
 
     fn displacements(&mut self) -> Result<Vec<V4<f64>>> {

@@ -373,7 +373,7 @@ impl Backend for GpuBackend {
         let (rotation, law) = if self.rotates { (elements, vec![]) } else { (vec![], elements) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
         let [u, v, free] = [0, 1, 2].map(|k| std::mem::take(&mut all[k]));
-        Ok(Snapshot { u, v, rotation, split, free, law })
+        Ok(Snapshot { u, v, rotation, split, free, law, shares: vec![] })
     }
 
     fn gpu(&self) -> Option<&Gpu> {

@@ -284,6 +284,9 @@ impl<R: Real> System<R> for Hexahedra<R> {
         for cell in &removal.cells {
             self.rotation[*cell as usize] = [R::zero(); 4];
         }
+        if let Some((law, _)) = &mut self.law {
+            removal.scale.iter().for_each(|(cell, factor)| law.set_scale(*cell, *factor));
+        }
         for (word, value) in &removal.words {
             self.split[*word as usize] = *value;
         }

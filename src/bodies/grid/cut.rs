@@ -9,10 +9,11 @@
 //! Source: severed links between cells: Frisken-Gibson 1999 (linked volumes); node duplication per connected component: Molino, Bao,
 //! Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra).
 
+use super::Hyperelastic;
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::mesh::{Change, FRAGMENT};
+use crate::mesh::{Carved, Change, FRAGMENT, LEAST};
 use crate::scene::Mass;
 
 impl Wound {
@@ -104,9 +105,11 @@ impl Wound {
 
     /// Takes an emptied cell's mass from its nodes; a node without cells leaves the system.
     fn take_cell(&mut self, model: &Model, cell: u32, removal: &mut Removal) {
-        let [hx, hy, hz, corner_mass] = model.shape[model.grid.layer(cell as usize)];
+        let [hx, hy, hz, whole] = model.shape[model.grid.layer(cell as usize)];
+        let share = self.surface.share(cell as usize);
+        let corner_mass = whole * share;
         self.totals.hexes += 1;
-        self.totals.volume += hx * hy * hz;
+        self.totals.volume += hx * hy * hz * share;
         for node in model.grid.params::<f64>().corners(cell as usize) {
             self.live[node] -= 1;
             if self.live[node] == 0 {
@@ -134,6 +137,47 @@ impl Wound {
                 removal.cells.push(*cell);
             }
             next = self.hanging(model, &next);
+        }
+        removal
+    }
+
+    /// Removes space: the cells that were reached lose stiffness and mass with their volume, and those with less than [`LEAST`] left
+    /// are removed as by [`Self::carve_cells`].
+    pub(super) fn carve_space_of(&mut self, model: &Model, law: &Hyperelastic, carved: &Carved) -> Removal {
+        let thinned = self.surface.carve(carved);
+        if thinned.is_empty() {
+            return Removal::default();
+        }
+        let params = model.grid.params::<f64>();
+        // the wound's extent, by the corners of its surface
+        for (node, at) in &carved.corners {
+            self.all.add(&[0, 1, 2].map(|n| at[n] + model.position[n]));
+            if params.node_at(*node as usize)[2] == model.grid.cells[2] {
+                self.top.add(&model.rest[*node as usize]);
+            }
+        }
+        let mut nodes: Vec<usize> = vec![];
+        for own in &thinned {
+            let [hx, hy, hz, _] = model.shape[model.grid.layer(own.cell as usize)];
+            self.totals.volume += hx * hy * hz * (own.before - own.after);
+            nodes.extend(params.corners(own.cell as usize));
+        }
+        let gone: Vec<u32> = thinned.iter().filter(|own| own.after < LEAST).map(|own| own.cell).collect();
+        let mut removal = self.carve_cells(model, &gone);
+        let left = thinned.iter().filter(|own| self.surface.alive[own.cell as usize]);
+        removal.scale = left.map(|own| (own.cell, law.scale(own.cell as usize) * own.after)).collect();
+        // masses of nodes in use, from the cells that they have
+        nodes.sort_unstable();
+        nodes.dedup();
+        for node in nodes.into_iter().filter(|node| self.live[*node] > 0) {
+            if model.mass != Mass::Uniform {
+                let at = params.node_at(node);
+                let around = (0..8).filter_map(|a| params.cell_below(at, a)).filter(|cell| self.surface.alive[*cell]);
+                let mass = |cell: usize| model.shape[model.grid.layer(cell)][3] * self.surface.share(cell);
+                self.free[node][3] = around.map(mass).sum();
+            }
+            removal.free.retain(|(other, _)| *other as usize != node);
+            removal.free.push((node as u32, self.free[node]));
         }
         removal
     }

@@ -8,7 +8,7 @@
 use super::multigrid::steps;
 use super::{Hyperelastic, Multigrid, element};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded, Search, TOUCHED, over_columns, over_nodes};
-use crate::bodies::{MAX_LAYERS, Model, Refused};
+use crate::bodies::{MAX_LAYERS, Model, Refused, Removal};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{
@@ -319,6 +319,14 @@ impl Recorded for Hexahedra {
 
     fn elements(&self) -> Option<Buffer> {
         Some(self.rotation.clone())
+    }
+
+    fn take(&self, gpu: &Gpu, removal: &Removal) {
+        let Some(scale) = self.shared.get("scale") else { return };
+        for run in removal.scale.chunk_by(|a, b| a.0 + 1 == b.0) {
+            let factors: Vec<f32> = run.iter().map(|(_, factor)| *factor as f32).collect();
+            gpu.write(&scale, 4 * u64::from(run[0].0), &factors);
+        }
     }
 
     fn mean_velocities(&self) -> Option<Buffer> {

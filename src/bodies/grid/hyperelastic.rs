@@ -29,6 +29,7 @@ use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
 use crate::scene::{self, Law, Layer, Region, Scene};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// 24×24 tangent, row and column `3a + i`, N/m.
 pub fn tangent(cell: &Cell<f64>) -> Matrix {
@@ -219,7 +220,9 @@ impl Hyperelastic {
             fibres,
             layer_of: grid.layer_of.clone(),
             cell_count: grid.cell_count(),
-            scaled: grid.embedded.is_some() || scene.inclusions.iter().any(|i| i.body == body),
+            scaled: grid.embedded.is_some()
+                || scene.carves_space(body)
+                || scene.inclusions.iter().any(|i| i.body == body),
             inclusions: scene
                 .inclusions
                 .iter()
@@ -239,6 +242,20 @@ impl Hyperelastic {
     /// Factor of a cell on the stiffness of its layer; 0 for one that is gone from the start.
     pub(super) fn scale(&self, cell: usize) -> f64 {
         self.scale[cell.min(self.scale.len() - 1)]
+    }
+
+    /// Gives a cell another factor, where cells have their own.
+    pub(super) fn set_scale(&mut self, cell: u32, factor: f64) {
+        self.scale[cell as usize] = factor;
+    }
+
+    /// The law of cells with these shares left, `[cell]`; of whole ones where there are none.
+    pub(super) fn of_shares(&self, shares: &[f64]) -> Cow<'_, Self> {
+        if shares.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let scale = self.scale.iter().zip(shares).map(|(scale, share)| scale * share).collect();
+        Cow::Owned(Self { scale, ..self.clone() })
     }
 
     /// Fills in the factors of the cells: the geometric mean of Young's modulus over [`SAMPLES`]³ points of a cell, over that of its layer;

@@ -116,7 +116,8 @@ impl Hexahedra {
         let of_cell = |cell: &usize| {
             let (corners, small) = (parts.corners(*cell), &small[model.grid.layer(*cell)]);
             let moved = corners.map(moved);
-            (corners, self.forces_of(model, small, *cell, &moved.map(|m| m[0]), &moved.map(|m| m[1])))
+            let forces = self.forces_of(model, small, *cell, &moved.map(|m| m[0]), &moved.map(|m| m[1]));
+            (corners, forces.map(|force| force * wound.surface.share(*cell)))
         };
         let forces: Vec<_> = cells.par_iter().with_min_len(PARALLEL / 32).map(of_cell).collect();
         let mut sums = vec![V3::zero(); nodes.len()];
@@ -196,7 +197,7 @@ impl Wound {
             let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
             let u = self.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
             let dilatation: f64 = field_gradients(inverse, &u).into_iter().map(|h| Point::new(h).dilatation).sum();
-            let volume = x * y * z * model.grid.share(*cell);
+            let volume = x * y * z * model.grid.share(*cell) * self.surface.share(*cell);
             [volume, volume * dilatation / 8.0]
         };
         let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();

@@ -26,7 +26,7 @@ use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
 use crate::kernels::{GROUP, Params, forces, rotations};
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
-use crate::mesh::Grid;
+use crate::mesh::{Carved, Grid};
 use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, Preconditioner, Scene, Skin};
 
 /// Arrays of a body of hexahedra.
@@ -255,7 +255,7 @@ impl Hexahedra {
         if let Some(law) = &self.hyperelastic {
             rotation.resize(4 * rotation.len(), [0.0; 4]);
             params.corotational = if stiffened { self.corotational } else { NEWTON };
-            law.linearise(&params, &state.split, &state.u, &mut rotation);
+            law.of_shares(&state.shares).linearise(&params, &state.split, &state.u, &mut rotation);
         }
         rotation
     }
@@ -318,7 +318,8 @@ impl Mechanics for Hexahedra {
     }
 
     fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
-        model.grid.embedded.as_ref().map_or_else(|| wound.surface.linked_share(cell), |embedded| embedded.share[cell])
+        let cut = || wound.surface.linked_share(cell) * wound.surface.share(cell);
+        model.grid.embedded.as_ref().map_or_else(cut, |embedded| embedded.share[cell])
     }
 
     fn stiffness_factor(&self, cell: usize) -> f64 {
@@ -326,11 +327,12 @@ impl Mechanics for Hexahedra {
     }
 
     /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape; of a hyperelastic body that of its law.
-    fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
+    fn energy(&self, model: &Model, state: &Snapshot, rotation: &[V4<f64>]) -> f64 {
         let params = model.params::<f64>();
+        let Snapshot { u, split, .. } = state;
         if let Some(law) = &self.hyperelastic {
             let alive = |cell: usize| rotation[cell] != [0.0; 4];
-            return law.energy(&params, split, &alive, u).0;
+            return law.of_shares(&state.shares).energy(&params, split, &alive, u).0;
         }
         let mut energy = 0.0;
         for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
@@ -376,7 +378,7 @@ impl Mechanics for Hexahedra {
         let alive = |cell: usize| rotation[cell] != [0.0; 4];
         // elastic forces: of small-strain cells with the rotations of the state
         if let Some(law) = &self.hyperelastic {
-            f = law.forces(&params, split, &alive, at);
+            f = law.of_shares(&solved.start.shares).forces(&params, split, &alive, at);
         } else {
             let (shapes, blocks) = (model.shapes::<f64>(), model.stiffness_blocks::<f64>());
             forces::forces(&params, &shapes, &model.pre_strains(), &blocks, layers, split, at, &rotation, &mut f);
@@ -395,7 +397,7 @@ impl Mechanics for Hexahedra {
         }
         // change of hyperelastic forces over a step of Newton's method
         if let Some(law) = newton {
-            let change = law.change(model, solved, &alive, &f);
+            let change = law.of_shares(&solved.start.shares).change(model, solved, &alive, &f);
             for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
                 (0..3).for_each(|n| sum[n] += more[n] * free[n]);
             }
@@ -440,6 +442,11 @@ impl Mechanics for Hexahedra {
         wound.carve_cells(model, cells)
     }
 
+    fn carve_space(&self, model: &Model, wound: &mut Wound, carved: &Carved) -> Removal {
+        let Some(law) = &self.hyperelastic else { unreachable!("scenes refuse to carve space out of others") };
+        wound.carve_space_of(model, law, carved)
+    }
+
     fn pieces(&self, wound: &Wound) -> Option<usize> {
         Some(wound.surface.pieces())
     }
@@ -449,7 +456,7 @@ impl Mechanics for Hexahedra {
             return wound.mass_of_nodes();
         }
         let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);
-        live.map(|c| 8.0 * model.shape[model.grid.layer(c)][3]).sum()
+        live.map(|c| 8.0 * model.shape[model.grid.layer(c)][3] * wound.surface.share(c)).sum()
     }
 
     fn splitting(&self, layer: &Layer) -> f64 {

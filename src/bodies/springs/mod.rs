@@ -235,7 +235,7 @@ impl Mechanics for Springs {
     }
 
     /// `½ Σ k ε²`, ε the elongation.
-    fn energy(&self, model: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], law: &[V4<f64>]) -> f64 {
+    fn energy(&self, model: &Model, Snapshot { u, law, .. }: &Snapshot, _: &[V4<f64>]) -> f64 {
         let stretch = |[a, b]: [u32; 2]| {
             let rest = |n: u32| V3::of(model.rest[n as usize]);
             let span = rest(b) - rest(a);

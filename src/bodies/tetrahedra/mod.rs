@@ -263,7 +263,7 @@ impl Mechanics for Tetrahedra {
         own + lists + self.domain_count(&model.grid) * (size_of::<[f64; 2]>() + size_of::<u32>())
     }
 
-    fn energy(&self, _: &Model, u: &[V4<f64>], _: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
+    fn energy(&self, _: &Model, Snapshot { u, split, .. }: &Snapshot, _: &[V4<f64>]) -> f64 {
         self.arrays.by_corners(split).energy(u, self.corotational)
     }
 

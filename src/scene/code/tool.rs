@@ -12,7 +12,7 @@ pub(super) fn check(part: &Part, tool: &Tool) -> Result<()> {
     // mass, geometry and coupling
     part.positive("mass", &[tool.mass])?;
     part.positive("inertia", &tool.inertia)?;
-    let Carve { distance, pressure } = tool.carve.unwrap_or(Carve { distance: 0.0, pressure: 0.0 });
+    let Carve { distance, pressure, .. } = tool.carve.unwrap_or_default();
     part.not_negative("tip_radius, carve.distance, carve.pressure", &[tool.tip_radius, distance, pressure])?;
     part.finite("points", tool.points.as_flattened())?;
     part.finite("mesh.positions", tool.mesh.positions.as_flattened())?;
