@@ -21,7 +21,7 @@ pub use face::Face;
 pub use grid::Grid;
 pub use links::Links;
 pub use parts::{Change, FRAGMENT, Parts};
-pub use pit::{Carved, Distance, LEAST, Pit, Thinned};
+pub use pit::{Carved, Distance, LEAST, Pit, SAMPLES, Thinned};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 const SIDE: usize = 4;
 
 /// Samples of a cell.
-const SAMPLES: usize = SIDE * SIDE * SIDE;
+pub const SAMPLES: usize = SIDE * SIDE * SIDE;
 
 /// Share of a cell below which it is gone.
 pub const LEAST: f64 = 0.05;
@@ -141,7 +141,9 @@ impl Pit {
             points.extend([[a, b], [b, c], [c, d], [d, a]].map(|ends| MaterialPoint::of(ends, [0.5; 2])));
             points.push(MaterialPoint::of(face.nodes, [0.25; 4]));
         }
-        let place = |at: [f64; 3]| grid.cells_at(at).into_iter().find_map(|(cell, _)| cells.get(&cell));
+        let place = |node: u32, at: [f64; 3]| {
+            cells.get(&cell_of(grid, node as usize, at, |cell| cells.contains_key(&cell))?)
+        };
         for _ in 0..SWEEPS {
             let moved = points.iter().filter(|point| recede(grid, point, &mut corners, &place, of)).count();
             if moved == 0 {
@@ -189,25 +191,65 @@ impl Pit {
         carved.cells.iter().map(|own| thinned(own)).collect()
     }
 
+    /// Points that what was carved reaches to at rest, in the frame of the body, m: of each sample that lost some the depth of it, if it is taken from
+    /// above, and of those that lost half their sides; and whether they are at the body's top.
+    pub fn extent(&self, grid: &Grid, carved: &Carved) -> Vec<([f64; 3], bool)> {
+        let params = grid.params::<f64>();
+        let mut out = vec![];
+        for (cell, left) in &carved.cells {
+            let low = grid.rest(params.corners(*cell as usize)[0]);
+            let edges = grid.cell_edges(grid.layer(*cell as usize) as u32).map(|edge| edge / SIDE as f64);
+            let highest = params.cell_at(*cell as usize)[2] + 1 == grid.cells[2];
+            for (k, left) in left.iter().enumerate().filter(|(_, left)| **left < u8::MAX) {
+                let at = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE];
+                let sides: &[f64] = if *left < u8::MAX / 2 { &[0.0, 1.0] } else { &[0.5] };
+                for side in sides {
+                    let share = [*side, *side, f64::from(*left) / f64::from(u8::MAX)];
+                    let point = [0, 1, 2].map(|n| low[n] + (at[n] as f64 + share[n]) * edges[n]);
+                    out.push((point, highest && at[2] + 1 == SIDE && sides.len() > 1));
+                }
+            }
+        }
+        out
+    }
+
     /// Corner of the surface at a node, where it is not the node itself.
     pub fn corner(&self, grid: &Grid, alive: &[bool], node: usize) -> Option<Corner> {
         let at = *self.corners.get(&(node as u32))?;
         let params = grid.params::<f64>();
         let level = params.node_at(node);
-        let around = (0..8).filter_map(|a| params.cell_below(level, a));
-        let present: Vec<usize> = around.filter(|cell| alive[*cell]).collect();
-        if present.is_empty() || present.len() == 8 {
+        if (0..8).all(|a| params.cell_below(level, a).is_some_and(|cell| alive[cell])) {
             return None; // not on the surface
         }
-        // the cell that it is in, or of those around the node the one that it is nearest to
-        let natural = |cell: usize| Placed::new(grid, cell, &|_| [0.0; 3]).natural(at);
-        let outside = |cell: &usize| natural(*cell).iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
-        let within = grid.cells_at(at).into_iter().find(|(cell, _)| alive[*cell]).map(|(cell, _)| cell);
-        let cell = within.or_else(|| present.into_iter().min_by(|a, b| outside(a).total_cmp(&outside(b))))?;
+        let cell = cell_of(grid, node, at, |cell| alive[cell])?;
         let nodes = params.corners(cell).map(|node| node as u32);
         let start = grid.rest(node);
-        Some(Corner { offset: [0, 1, 2].map(|n| at[n] - start[n]), nodes, weights: trilinear(natural(cell)) })
+        Some(Corner {
+            offset: [0, 1, 2].map(|n| at[n] - start[n]),
+            nodes,
+            weights: trilinear(natural(grid, cell, at)),
+        })
     }
+}
+
+/// Natural coordinates of a rest position in a cell, 0 to 1 inside of it.
+fn natural(grid: &Grid, cell: usize, at: [f64; 3]) -> [f64; 3] {
+    let low = grid.rest(grid.params::<f64>().corners(cell)[0]);
+    let edges = grid.cell_edges(grid.layer(cell) as u32);
+    [0, 1, 2].map(|n| (at[n] - low[n]) / edges[n])
+}
+
+/// The cell that a node's corner moves with: of those that are `there` the one that it is in, or of those around the node the nearest.
+fn cell_of(grid: &Grid, node: usize, at: [f64; 3], there: impl Fn(usize) -> bool) -> Option<usize> {
+    if let Some((cell, _)) = grid.cells_at(at).into_iter().find(|(cell, _)| there(*cell)) {
+        return Some(cell);
+    }
+    let params = grid.params::<f64>();
+    let level = params.node_at(node);
+    let around = (0..8).filter_map(|a| params.cell_below(level, a)).filter(|cell| there(*cell));
+    let outside =
+        |cell: &usize| natural(grid, *cell, at).iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
+    around.min_by(|a, b| outside(a).total_cmp(&outside(b)))
 }
 
 /// Moves the corners that a point of the surface is between out of what is removed, the least that does it to first order, and not out of the
@@ -216,14 +258,14 @@ fn recede<'a>(
     grid: &Grid,
     point: &MaterialPoint,
     corners: &mut BTreeMap<u32, [f64; 3]>,
-    place: &dyn Fn([f64; 3]) -> Option<&'a Placed>,
+    place: &dyn Fn(u32, [f64; 3]) -> Option<&'a Placed>,
     of: &Distance,
 ) -> bool {
     let mut now = [0.0; 3];
     let mut places = vec![];
     for (node, weight) in &point.0 {
         let at = corners[node];
-        let Some(own) = place(at) else { return false };
+        let Some(own) = place(*node, at) else { return false };
         let there = own.now(at);
         (0..3).for_each(|n| now[n] += weight * there[n]);
         places.push((*node, *weight, at, own));
@@ -258,4 +300,121 @@ fn recede<'a>(
 /// Mean of samples.
 fn mean(samples: &[u8]) -> f64 {
     samples.iter().map(|left| f64::from(*left)).sum::<f64>() / (255.0 * samples.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RADIUS: f64 = 2e-3;
+
+    /// Cells of 1 × 0.7 mm, in thinner levels above.
+    fn grid() -> Grid {
+        let heights = [0.0, 1.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0].map(|h| 1e-3 * h).to_vec();
+        Grid {
+            cells: [8, 10, 7],
+            nodes: [9, 11, 8],
+            edge: [1e-3, 0.7e-3],
+            layer_of: vec![0, 0, 0, 1, 1, 1, 1],
+            heights,
+            unstructured: None,
+            embedded: None,
+        }
+    }
+
+    /// A ball, with the positions that it takes.
+    fn ball(centre: [f64; 3]) -> impl Fn([f64; 3]) -> (f64, [f64; 3]) + Sync {
+        move |at| {
+            let away = [0, 1, 2].map(|n| at[n] - centre[n]);
+            let far = away.iter().map(|c| c * c).sum::<f64>().sqrt();
+            (far - RADIUS, away.map(|c| c / far))
+        }
+    }
+
+    /// Volume that a ball takes from the whole grid, displaced, m³, and what it has carved.
+    fn taken(centre: [f64; 3], moved: &(dyn Fn(u32) -> [f64; 3] + Sync)) -> (f64, Carved) {
+        let grid = grid();
+        let all: Vec<u32> = (0..grid.cell_count() as u32).collect();
+        let mut pit = Pit::default();
+        let carved = pit.reached(&grid, (&all, &[]), moved, &ball(centre));
+        let volume = |own: &Thinned| {
+            let [x, y, z] = grid.cell_edges(grid.layer(own.cell as usize) as u32);
+            x * y * z * (own.before - own.after)
+        };
+        (pit.carve(&carved).iter().map(volume).sum(), carved)
+    }
+
+    #[test]
+    fn a_ball_takes_its_own_volume() {
+        let whole = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+        let off = |volume: f64, wanted: f64| (volume / wanted - 1.0).abs();
+        // inside, and half of it in the top
+        for (centre, wanted) in [([0.13e-3, -0.2e-3, 2.5e-3], whole), ([0.4e-3, 0.1e-3, 5e-3], 0.5 * whole)] {
+            let (volume, _) = taken(centre, &|_| [0.0; 3]);
+            assert!(off(volume, wanted) < 0.01, "{volume:e} {wanted:e}");
+        }
+        // of tissue stretched to 1.3 times its length, less of it at rest: the ball takes what is there now
+        let grid = grid();
+        let stretched = |node: u32| [0.3 * grid.rest(node as usize)[0], 0.0, 0.0];
+        let (volume, _) = taken([0.0, 0.0, 2.5e-3], &stretched);
+        assert!(off(volume, whole / 1.3) < 0.01 && off(volume, whole) > 0.2, "{volume:e}");
+    }
+
+    #[test]
+    fn what_is_taken_twice_is_counted_once() {
+        let (grid, away) = (grid(), ball([0.0, 0.0, 5e-3]));
+        let all: Vec<u32> = (0..grid.cell_count() as u32).collect();
+        let mut pit = Pit::default();
+        let carved = pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &away);
+        assert!(!pit.carve(&carved).is_empty() && !pit.is_empty());
+        assert_eq!(pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &away), Carved::default());
+        assert!(all.iter().any(|cell| pit.share(*cell as usize) < 1.0) && pit.share(0) == 1.0);
+    }
+
+    #[test]
+    fn corners_lie_on_the_ball_and_move_with_the_tissue() {
+        let (grid, centre) = (grid(), [0.2e-3, 0.1e-3, 5.5e-3]);
+        let shear = |node: u32| {
+            let [x, _, z] = grid.rest(node as usize);
+            [0.1 * z, 0.05 * x, -0.1 * z]
+        };
+        let (_, carved) = taken(centre, &shear);
+        let mut pit = Pit::default();
+        let gone: Vec<u32> = pit.carve(&carved).iter().filter(|own| own.after < LEAST).map(|own| own.cell).collect();
+        let alive: Vec<bool> = (0..grid.cell_count()).map(|cell| !gone.contains(&(cell as u32))).collect();
+        let mut moved = 0;
+        for node in 0..grid.node_count() {
+            let Some(own) = pit.corner(&grid, &alive, node) else { continue };
+            let (rest, shift) = (grid.rest(node), own.moved(shear));
+            let at = [0, 1, 2].map(|n| rest[n] + own.offset[n] + shift[n]);
+            let (off, _) = ball(centre)(at);
+            assert!(off.abs() < 1e-6, "node {node}: {off:e} m from the ball");
+            assert!((own.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            assert!(rest[2] + own.offset[2] <= grid.thickness(), "node {node} has left the body");
+            moved += 1;
+        }
+        assert!(moved > 10 && gone.len() > 5, "{moved} {}", gone.len());
+        // the counter-test: nodes themselves are not on it
+        let off = |node: &u32| ball(centre)([0, 1, 2].map(|n| grid.rest(*node as usize)[n] + shear(*node)[n])).0.abs();
+        assert!(carved.corners.iter().map(|(node, _)| off(node)).fold(0.0, f64::max) > 1e-4);
+    }
+
+    #[test]
+    fn a_face_recedes_where_its_middle_is_reached() {
+        let grid = grid();
+        let all: Vec<u32> = (0..grid.cell_count() as u32).collect();
+        let params = grid.params::<f64>();
+        let cell = params.cell_id([4, 5, 6]);
+        let nodes = params.corners(cell).map(|node| node as u32);
+        let face = Face { nodes: [nodes[4], nodes[5], nodes[6], nodes[7]], cell: cell as u32, wall: false };
+        // 0.05 mm into the middle, and not as far as the corners
+        let low = grid.rest(nodes[4] as usize);
+        let centre = [low[0] + 0.5e-3, low[1] + 0.35e-3, 5e-3 + RADIUS - 0.05e-3];
+        let pit = Pit::default();
+        let carved = pit.reached(&grid, (&all, &[face]), &|_| [0.0; 3], &ball(centre));
+        let height = |node: u32| carved.corners.iter().find(|(own, _)| *own == node).map_or(low[2], |(_, at)| at[2]);
+        let middle = face.nodes.map(height).iter().sum::<f64>() / 4.0;
+        assert!((middle - (5e-3 - 0.05e-3)).abs() < 1e-6, "{middle:e}");
+        assert_eq!(pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &ball(centre)).corners, []);
+    }
 }

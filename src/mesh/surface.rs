@@ -139,6 +139,11 @@ impl Surface {
         self.pit.reached(&self.of, near, moved, of)
     }
 
+    /// Points at the border of what was carved ([`Pit::extent`]).
+    pub(crate) fn extent(&self, carved: &Carved) -> Vec<([f64; 3], bool)> {
+        self.pit.extent(&self.of, carved)
+    }
+
     /// A cell and the present ones that touch it in a face, an edge or a corner.
     pub(crate) fn beside(&self, cell: usize) -> impl Iterator<Item = usize> {
         let at = self.params.cell_at(cell);

@@ -334,10 +334,7 @@ impl Skin {
     /// Whether tools may carve space out of it that is finer than its cells: out of hexahedra of a large-strain law, whose cells have factors on
     /// their stiffness and mass.
     pub fn has_space_to_carve(&self) -> bool {
-        self.can_be_carved()
-            && matches!(self.law, Law::Hyperelastic(_))
-            && self.mesh.is_none()
-            && self.mass != Mass::Consistent
+        self.can_be_carved() && matches!(self.law, Law::Hyperelastic(_)) && self.mesh.is_none()
     }
 
     /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.

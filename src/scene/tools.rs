@@ -171,8 +171,7 @@ pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Co
         let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
         if skins.iter().any(|skin| skin.can_be_carved() && !skin.has_space_to_carve()) {
             return unfit(
-                "space is carved out of grids of hexahedra with a large-strain law and without a consistent mass; write whole_cells = true for \
-                 the others",
+                "space is carved out of grids of hexahedra with a large-strain law; write whole_cells = true for the others",
             );
         }
         let radius = tool.round.map_or(0.0, |round| round.radius) + carve.distance;

@@ -339,7 +339,7 @@ impl Body {
     ///
     /// # Errors
     /// When the device fails.
-    pub(super) fn carve_space(&mut self, carved: &Carved) -> Result<u32> {
+    pub fn carve_space(&mut self, carved: &Carved) -> Result<u32> {
         if carved.cells.is_empty() {
             return Ok(0);
         }

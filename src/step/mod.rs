@@ -424,7 +424,7 @@ impl Simulation {
                 body.backend.set_load(&body.load_at(&self.scene, begin));
                 body.loaded = true;
             }
-            before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
+            before.push(if check || refined { Some(body.snapshot()?) } else { None });
         }
         if check {
             self.measure_start(begin, &before, &mut report);

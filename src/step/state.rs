@@ -11,6 +11,7 @@ use crate::bodies::rigid::Motion;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::math::V4;
+use crate::mesh::SAMPLES;
 use crate::scene::{BodyId, Scene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -146,11 +147,22 @@ impl Simulation {
             let hits = from.cuts.iter().flat_map(|cut| if let Cut::Swept(hits) = cut { &hits[..] } else { &[] });
             let last = hits.map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
             unfit("links or springs", [last.max(segments), segments])?;
-            let carved = from.cuts.iter().flat_map(|cut| if let Cut::Carved(cells) = cut { &cells[..] } else { &[] });
+            let carved = from.cuts.iter().flat_map(|cut| match cut {
+                Cut::Carved(cells) => cells.clone(),
+                Cut::Space(carved) => carved.cells.iter().map(|(cell, _)| *cell).collect(),
+                Cut::Swept(_) => vec![],
+            });
             let surface = &body.wound.surface;
             let cells = surface.alive.len().max(surface.present().len());
-            let last = carved.map(|cell| *cell as usize + 1).max().unwrap_or(0);
+            let last = carved.map(|cell| cell as usize + 1).max().unwrap_or(0);
             unfit("cells", [last.max(cells), cells])?;
+            let space = from.cuts.iter().filter_map(|cut| if let Cut::Space(carved) = cut { Some(carved) } else { None });
+            for carved in space {
+                let last = carved.corners.iter().map(|(node, _)| *node as usize + 1).max().unwrap_or(0);
+                unfit("nodes", [last.max(nodes), nodes])?;
+                let samples = carved.cells.iter().map(|(_, left)| left.len()).find(|count| *count != SAMPLES);
+                unfit("samples of a cell", [samples.unwrap_or(SAMPLES), SAMPLES])?;
+            }
         }
         Ok(())
     }

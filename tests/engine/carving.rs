@@ -129,7 +129,7 @@ fn random_carving_leaves_nothing_that_hangs_and_books_every_gram() {
 
 #[test]
 fn a_ball_carves_a_groove_as_deep_as_it_goes() {
-    let scene = ball(Carve { distance: 2e-5, pressure: 0.0 });
+    let scene = ball(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true });
     let (simulation, steps) = run(&scene, &Platform::Cpu64);
     let body = &simulation.bodies[0];
     let carved: u32 = steps.iter().map(|step| step.carved).sum();
@@ -155,7 +155,7 @@ fn a_ball_carves_a_groove_as_deep_as_it_goes() {
 
 #[test]
 fn a_pressure_has_to_be_reached() {
-    let removed = |pressure| run(&ball(Carve { distance: 2e-5, pressure }), &Platform::Cpu64).0.totals().hexes;
+    let removed = |pressure| run(&ball(Carve { distance: 2e-5, pressure, whole_cells: true }), &Platform::Cpu64).0.totals().hexes;
     let [at_once, pressed, never] = [0.0, 20e3, 1e9].map(removed);
     assert!(at_once > pressed && pressed > 0 && never == 0, "{at_once} {pressed} {never}");
 }
@@ -167,7 +167,7 @@ fn any_number_of_points_carves() {
         let at = |k: u32| 3e-3 * (f64::from(k) / f64::from((side - 1).max(1)) - 0.5);
         let points = (0..side * side).map(|k| [at(k % side), at(k / side), 0.0]).collect();
         let mut scene =
-            carved(Tool { points, carve: Some(Carve { distance: 2e-5, pressure: 0.0 }), ..Tool::default() });
+            carved(Tool { points, carve: Some(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true }), ..Tool::default() });
         for pose in &mut scene.tools[0].trajectory {
             pose.position[2] -= 1e-3;
         }
@@ -184,7 +184,7 @@ fn any_number_of_points_carves() {
 
 #[test]
 fn a_carved_body_goes_on_from_its_state() {
-    let scene = ball(Carve { distance: 2e-5, pressure: 0.0 });
+    let scene = ball(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true });
     let make = || Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let steps = |simulation: &mut Simulation, count: u32| {
         (0..count).for_each(|_| drop(simulation.step(false).unwrap_or_else(|e| panic!("{e}"))));
@@ -204,7 +204,7 @@ fn a_carved_body_goes_on_from_its_state() {
 
 #[test]
 fn a_body_that_cannot_be_carved_is_refused() {
-    let scene = ball(Carve { distance: 2e-5, pressure: 0.0 });
+    let scene = ball(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true });
     let refused = |change: fn(&mut Scene)| {
         let mut changed = scene.clone();
         change(&mut changed);
@@ -212,7 +212,7 @@ fn a_body_that_cannot_be_carved_is_refused() {
     };
     let split = refused(|scene| scene.skins[0].cut = Cut::Split { reserve_columns: 4 });
     assert!(split.contains("cut = \"remove\"") && split.contains("carves"), "{split}");
-    let near = refused(|scene| scene.tools[0].carve = Some(Carve { distance: -1.0, pressure: 0.0 }));
+    let near = refused(|scene| scene.tools[0].carve = Some(Carve { distance: -1.0, pressure: 0.0, whole_cells: true }));
     assert!(near.contains("distance"), "{near}");
     assert!(scene.check().is_ok());
 }

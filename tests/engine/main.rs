@@ -18,6 +18,7 @@ mod many_points;
 mod meshes;
 mod networks;
 mod parts;
+mod pit;
 #[path = "../shared/ragged.rs"]
 mod ragged;
 mod robust;

@@ -50,7 +50,7 @@ fn lifted(by: f64) -> [f64; 2] {
     let pull = simulation.step(false).unwrap_or_else(|e| panic!("{e}")).probes[0];
     let state = &simulation.snapshots().expect("the CPU path has no device to fail")[0];
     let model = &simulation.bodies[0].model;
-    [pull, model.mechanics().energy(model, &state.u, &[], &[], &state.law)]
+    [pull, model.mechanics().energy(model, state, &[])]
 }
 
 #[test]

@@ -1,9 +1,11 @@
-//! A body that is carved away to a tenth on the device stays that of the CPU path in f32: the same cells, and the same motion.
+//! A body that is carved away to a tenth on the device stays that of the CPU path in f32: the same cells, and the same motion. Space finer than
+//! cells likewise.
 
 use super::small::{block, held};
 use super::{Failure, platform};
 use cutis::gpu::Gpu;
-use cutis::scene::{Contact, Cut, Region, Scene, Tool};
+use cutis::mesh::Carved;
+use cutis::scene::{Carve, Contact, Cut, Law, Material, Pose, Region, Round, Scene, Tool};
 use cutis::step::{Platform, Simulation};
 
 /// Difference of the displacement, of the largest: what the solver's tolerance leaves, times what a slender rest of the body makes of it.
@@ -15,6 +17,8 @@ type Test = fn(&Gpu) -> Result<(), Failure>;
 pub const TESTS: &[(&str, Test)] = &[
     ("a_body_carved_to_a_tenth_is_that_of_the_cpu", carved_alike),
     ("a_cell_that_stays_is_noticed", a_lost_cell_is_noticed),
+    ("space_carved_by_a_ball_is_that_of_the_cpu", space_alike),
+    ("a_cell_of_another_share_is_noticed", another_share_is_noticed),
 ];
 
 /// A block under gravity that can be carved.
@@ -84,6 +88,71 @@ fn carved_alike(gpu: &Gpu) -> Result<(), Failure> {
 fn a_lost_cell_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
     let apart = rounds(gpu, 4)?;
     match apart[0] > APART {
+        true => Ok(()),
+        false => Err(format!("{apart:?}").into()),
+    }
+}
+
+/// The block under a ball that carves space out of it.
+fn under_a_ball() -> Scene {
+    let mut scene = scene();
+    scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
+    let pose = |time, x, z| Pose { time, position: [x, 0.1e-3, z], ..Pose::default() };
+    scene.tools = vec![Tool {
+        blade: None,
+        points: vec![],
+        trajectory: vec![pose(0.0, -1e-3, 6.1e-3), pose(0.1, -1e-3, 5.5e-3), pose(0.2, 1e-3, 5.5e-3)],
+        round: Some(Round { ends: [[0.0; 3]; 2], radius: 1e-3 }),
+        carve: Some(Carve::default()),
+        ..Tool::default()
+    }];
+    scene.contact = Some(Contact { max_contacts: 200, ..Contact::default() });
+    scene
+}
+
+/// Steps of the same scene on both: volumes carved, and the largest true residual on the device.
+fn space_alike(gpu: &Gpu) -> Result<(), Failure> {
+    let scene = under_a_ball();
+    let mut volumes = vec![];
+    let mut residual: f64 = 0.0;
+    for platform in [platform(gpu), Platform::Cpu32] {
+        let mut simulation = Simulation::new(&scene, &platform)?;
+        for step in 0..40 {
+            let report = simulation.step(step % 10 == 9)?;
+            residual = residual.max(report.true_residual.unwrap_or(0.0));
+        }
+        volumes.push(1e9 * simulation.totals().volume);
+    }
+    super::report(gpu, &format!("{volumes:.4?} mm³, true residual {residual:.1e}"));
+    match volumes[1] > 1.0 && (volumes[0] / volumes[1] - 1.0).abs() < 0.01 && residual < 1e-3 {
+        true => Ok(()),
+        false => Err(format!("{volumes:?} mm³, {residual}").into()),
+    }
+}
+
+/// The top layer at half of its share on the CPU path, and so on the device but for one cell.
+fn another_share_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
+    let scene = under_a_ball();
+    let mut apart = vec![];
+    for left_out in [0, 1] {
+        let mut both = [Simulation::new(&scene, &platform(gpu))?, Simulation::new(&scene, &Platform::Cpu32)?];
+        let cells: Vec<(u32, Vec<u8>)> = (4 * 64..5 * 64).map(|cell| (cell, vec![60; 64])).collect();
+        let carved = |cells: &[(u32, Vec<u8>)]| Carved { cells: cells.to_vec(), corners: vec![] };
+        both[0].bodies[0].carve_space(&carved(&cells[left_out..]))?;
+        both[1].bodies[0].carve_space(&carved(&cells))?;
+        let mut u = vec![];
+        for simulation in &mut both {
+            for _ in 0..3 {
+                simulation.step(false)?;
+            }
+            u.push(simulation.snapshots()?.swap_remove(0).u);
+        }
+        let size = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let differ = u[0].iter().zip(&u[1]).map(|(a, b)| size([a[0] - b[0], a[1] - b[1], a[2] - b[2]]));
+        let most = u[1].iter().map(|u| size([u[0], u[1], u[2]])).fold(0.0, f64::max);
+        apart.push(differ.fold(0.0, f64::max) / most);
+    }
+    match apart[0] <= APART && apart[1] > APART {
         true => Ok(()),
         false => Err(format!("{apart:?}").into()),
     }

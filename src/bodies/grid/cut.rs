@@ -149,13 +149,6 @@ impl Wound {
             return Removal::default();
         }
         let params = model.grid.params::<f64>();
-        // the wound's extent, by the corners of its surface
-        for (node, at) in &carved.corners {
-            self.all.add(&[0, 1, 2].map(|n| at[n] + model.position[n]));
-            if params.node_at(*node as usize)[2] == model.grid.cells[2] {
-                self.top.add(&model.rest[*node as usize]);
-            }
-        }
         let mut nodes: Vec<usize> = vec![];
         for own in &thinned {
             let [hx, hy, hz, _] = model.shape[model.grid.layer(own.cell as usize)];
@@ -163,7 +156,17 @@ impl Wound {
             nodes.extend(params.corners(own.cell as usize));
         }
         let gone: Vec<u32> = thinned.iter().filter(|own| own.after < LEAST).map(|own| own.cell).collect();
+        // extents are of the space, not of the cells that go with it
+        let before = (self.all, self.top);
         let mut removal = self.carve_cells(model, &gone);
+        (self.all, self.top) = before;
+        for (at, topmost) in self.surface.extent(carved) {
+            let at = [0, 1, 2].map(|n| at[n] + model.position[n]);
+            self.all.add(&at);
+            if topmost {
+                self.top.add(&at);
+            }
+        }
         let left = thinned.iter().filter(|own| self.surface.alive[own.cell as usize]);
         removal.scale = left.map(|own| (own.cell, law.scale(own.cell as usize) * own.after)).collect();
         // masses of nodes in use, from the cells that they have
