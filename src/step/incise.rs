@@ -131,7 +131,9 @@ impl Simulation {
     /// press hard enough, by the mean over a cell's width, and the cells beside them.
     fn carved_cells(&self, tool: usize, number: usize, report: &StepReport) -> Vec<u32> {
         let (contact, body) = (&report.contact, &self.bodies[number]);
-        let (Some(carve), Some(patch)) = (self.scene.tools[tool].carve, &body.located.patches[tool]) else { return vec![] };
+        let (Some(carve), Some(patch)) = (self.scene.tools[tool].carve, &body.located.patches[tool]) else {
+            return vec![];
+        };
         let corners: BTreeMap<u32, DVec3> = (body.located.faces[tool].iter().flat_map(|face| face.nodes))
             .map(|node| (node, DVec3::from_array(body.wound.rest_of_corner(node))))
             .collect();

@@ -156,7 +156,8 @@ impl Simulation {
             let cells = surface.alive.len().max(surface.present().len());
             let last = carved.map(|cell| cell as usize + 1).max().unwrap_or(0);
             unfit("cells", [last.max(cells), cells])?;
-            let space = from.cuts.iter().filter_map(|cut| if let Cut::Space(carved) = cut { Some(carved) } else { None });
+            let space =
+                from.cuts.iter().filter_map(|cut| if let Cut::Space(carved) = cut { Some(carved) } else { None });
             for carved in space {
                 let last = carved.corners.iter().map(|(node, _)| *node as usize + 1).max().unwrap_or(0);
                 unfit("nodes", [last.max(nodes), nodes])?;

@@ -155,7 +155,8 @@ fn a_ball_carves_a_groove_as_deep_as_it_goes() {
 
 #[test]
 fn a_pressure_has_to_be_reached() {
-    let removed = |pressure| run(&ball(Carve { distance: 2e-5, pressure, whole_cells: true }), &Platform::Cpu64).0.totals().hexes;
+    let removed =
+        |pressure| run(&ball(Carve { distance: 2e-5, pressure, whole_cells: true }), &Platform::Cpu64).0.totals().hexes;
     let [at_once, pressed, never] = [0.0, 20e3, 1e9].map(removed);
     assert!(at_once > pressed && pressed > 0 && never == 0, "{at_once} {pressed} {never}");
 }
@@ -166,8 +167,11 @@ fn any_number_of_points_carves() {
     for side in [1u32, 2, 8] {
         let at = |k: u32| 3e-3 * (f64::from(k) / f64::from((side - 1).max(1)) - 0.5);
         let points = (0..side * side).map(|k| [at(k % side), at(k / side), 0.0]).collect();
-        let mut scene =
-            carved(Tool { points, carve: Some(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true }), ..Tool::default() });
+        let mut scene = carved(Tool {
+            points,
+            carve: Some(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true }),
+            ..Tool::default()
+        });
         for pose in &mut scene.tools[0].trajectory {
             pose.position[2] -= 1e-3;
         }

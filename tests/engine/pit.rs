@@ -13,7 +13,8 @@ const REACH: f64 = 5e-5;
 /// A block of 8 × 8 × 4 mm in cells as wide as a millimetre over `fine`, and a ball that goes 0.8 mm deep and along x, by 3 mm.
 fn groove(fine: u32) -> Scene {
     let cells = [8 * fine; 2];
-    let mut scene = block([8e-3; 2], cells, &[(2 * fine, 2e-3, 30e3, 0.45, 1000.0), (2 * fine, 2e-3, 50e3, 0.45, 1100.0)]);
+    let mut scene =
+        block([8e-3; 2], cells, &[(2 * fine, 2e-3, 30e3, 0.45, 1000.0), (2 * fine, 2e-3, 50e3, 0.45, 1100.0)]);
     let skin = &mut scene.skins[0];
     (skin.cut, skin.law) = (Cut::Remove, Law::Hyperelastic(Material::NeoHookean));
     (skin.rayleigh_mass, skin.rayleigh_stiffness) = (0.01, 0.01);
