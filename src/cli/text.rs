@@ -117,8 +117,13 @@ fn accuracy(scene: &Scene, r: &Report) -> String {
 
 fn wound(scene: &Scene, r: &Report) -> String {
     let c = &r.cut;
-    if !scene.tools.iter().any(|t| t.blade.is_some()) {
+    let carves = scene.tools.iter().any(|tool| tool.carve.is_some());
+    let breaks = scene.skins.iter().any(Skin::breaks);
+    if !carves && !breaks && !scene.tools.iter().any(|tool| tool.blade.is_some()) {
         return "no blade in this scene".into();
+    }
+    if carves && c.springs_removed + c.links_severed == 0 {
+        return format!("carved {:.2} mm³, {:.1} mm long, {:.2} mm deep", c.removed_mm3, c.length_mm, c.depth_mm);
     }
     let gone = match (c.springs_removed, c.hexes_removed) {
         (0, 0) => format!("{} links severed", c.links_severed),

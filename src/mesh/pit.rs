@@ -29,7 +29,7 @@ pub const SAMPLES: usize = SIDE * SIDE * SIDE;
 pub const LEAST: f64 = 0.05;
 
 /// Rounds in which the surface recedes from what is removed.
-const SWEEPS: usize = 6;
+const SWEEPS: usize = 12;
 
 /// Depth inside of what is removed that counts as outside, m.
 const NEAR: f64 = 1e-8;

@@ -47,12 +47,12 @@ const SECTIONS: &[(&str, &str)] = &[
     ("[tool.blade]", "edge_mm = [[0.0, 0.0, 0.0], [4.0, 0.0, 4.0]]\nthickness_mm = 0.4"),
     ("[[tool]]", "name = \"ball\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 29.0]]"),
     ("[tool.round]", "radius_mm = 2.0\npoints_mm = [[0.0, 0.0, 0.0]]"),
+    ("[tool.carve]", ""),
     (
         "[[tool]]",
         "name = \"hook\"\nmesh = \"tip.obj\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 39.0]]",
     ),
     ("[tool.lines]", "mesh = \"probe.obj\""),
-    ("[tool.carve]", ""),
     ("[[rigid]]", "name = \"stone\"\nradius_mm = 2.0\nmass_g = 5.0\nposition_mm = [0.0, 0.0, 60.0]"),
     ("[[plane]]", "name = \"floor\"\nthrough_mm = [0.0, 0.0, -9.0]\nnormal = [0.0, 0.0, 1.0]"),
     ("[[attach]]", "body = \"fat\"\nregion = \"bottom\""),
@@ -71,6 +71,11 @@ const SECTIONS: &[(&str, &str)] = &[
 const BESIDE: &[(&str, &str, &str)] = &[
     ("[skin]", "spring_stiffness_n_m", "law = \"springs\"\nspring_damping_n_s_m = 1.0"),
     ("[skin]", "spring_damping_n_s_m", "law = \"springs\"\nspring_stiffness_n_m = 1.0"),
+    (
+        "[[skin.layer]]",
+        "break_strain",
+        "[skin] law = \"springs\"\n[skin] spring_stiffness_n_m = 1.0\n[skin] spring_damping_n_s_m = 1.0",
+    ),
     ("[[skin.layer]]", "fibre_kpa", "[skin] law = \"holzapfel\""),
     ("[[skin.layer]]", "fibre_growth", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
     ("[[skin.layer]]", "fibre_dispersion", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
