@@ -60,6 +60,8 @@ pub struct Needs {
     pub near: usize,
     /// Segments can be cut.
     pub cutting: bool,
+    /// Elements may break by themselves.
+    pub breaking: bool,
     /// The host reads 3×3 blocks of `A` (uncoupled correction).
     pub node_blocks: bool,
 }

@@ -277,10 +277,7 @@ impl Model {
         let mut model = Self::without_arrays(scene, body)?;
         let skin = &scene.skins[body];
         if let (Kind::Springs(springs), Law::Springs { stiffness, damping }) = (&mut model.kind, skin.law) {
-            **springs = match &model.grid.unstructured {
-                Some(of) => Springs::along_edges(&of.mesh, stiffness, damping),
-                None => Springs::between_corners(&model.grid, stiffness, damping),
-            };
+            **springs = Springs::of(&model.grid, &skin.layers, stiffness, damping);
         }
         let count = model.own_nodes();
         let rest = |node| [0, 1, 2].map(|a| model.grid.rest(node)[a] + skin.position[a]);

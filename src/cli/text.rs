@@ -8,8 +8,8 @@ use cutis::report::mesh::{Quality, Summary as MeshSummary};
 use cutis::report::run::Summary;
 use cutis::report::study::Study;
 use cutis::report::verify::Page;
-use cutis::scene::Scene;
 use cutis::scene::keys::Key;
+use cutis::scene::{Scene, Skin};
 use std::fmt::Write as _;
 use std::path::Path;
 

@@ -395,6 +395,11 @@ fn layer(
         let cells = scene.required("cells", raw.cells.as_ref(), at, why)?;
         (thickness, scene.count("cells", cells, [1, u32::MAX])?)
     };
+    if !matches!(law, Law::Springs { .. }) {
+        scene.needless("break_strain", &raw.break_strain, "springs break, of law = \"springs\"")?;
+    }
+    let limit = |text: &At<f64>| scene.number("break_strain", text, PLAIN, Bound::Positive);
+    let break_strain = raw.break_strain.as_ref().map_or(Ok(f64::INFINITY), limit)?;
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
@@ -408,6 +413,7 @@ fn layer(
         density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
         pre_strain: scene.vector("pre_strain", &pre_strain, PLAIN, Bound::Strain)?,
         toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,
+        break_strain,
         color: raw.color.map_or(Ok(color), |text| srgb(scene, &text))?,
     })
 }

@@ -100,6 +100,7 @@ impl Default for Layer {
             density: 1100.0,
             pre_strain: [0.0; 2],
             toughness: 2e3,
+            break_strain: f64::INFINITY,
             color: [232, 190, 172],
         }
     }
@@ -369,6 +370,10 @@ impl Scene {
             let part = part.of(format!("layers[{k}]"));
             part.positive("density", &[layer.density])?;
             part.not_negative("toughness", &[layer.toughness])?;
+            let breaks = part.of("break_strain");
+            breaks.that(layer.break_strain > 0.0, layer.break_strain, "above 0, infinite where nothing breaks")?;
+            let of_springs = layer.break_strain == f64::INFINITY || matches!(skin.law, Law::Springs { .. });
+            breaks.that(of_springs, layer.break_strain, "infinite of other laws than springs")?;
             let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
             let strained = layer.pre_strain != [0.0; 2] && matches!(skin.law, Law::Springs { .. });

@@ -490,6 +490,7 @@ mod tests {
                 density: 1.0,
                 pre_strain: [0.0; 2],
                 toughness: 0.0,
+                break_strain: f64::INFINITY,
                 color: [0; 3],
             };
             let layers: Vec<Layer> = over.iter().map(layer).collect();

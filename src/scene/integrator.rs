@@ -33,6 +33,9 @@ pub(super) fn integrator(
             let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts, or a tool carves, in time";
             return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
         }
+        if skins.iter().any(Skin::breaks) {
+            return Err(unfit("finds one balance, and springs break in time", "leave break_strain out"));
+        }
         if skins.iter().any(|skin| skin.velocity != [0.0; 3]) {
             return Err(unfit("has no velocities", "leave velocity_m_s out"));
         }

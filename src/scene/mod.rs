@@ -331,6 +331,11 @@ impl Skin {
         !matches!(self.law, Law::Springs { .. }) && self.cut == Cut::Remove && self.embedded.is_none()
     }
 
+    /// Whether its springs may break by themselves.
+    pub fn breaks(&self) -> bool {
+        self.layers.iter().any(|layer| layer.break_strain.is_finite())
+    }
+
     /// Whether tools may carve space out of it that is finer than its cells: out of hexahedra of a large-strain law, whose cells have factors on
     /// their stiffness and mass.
     pub fn has_space_to_carve(&self) -> bool {
@@ -378,6 +383,8 @@ pub struct Layer {
     pub pre_strain: [f64; 2],
     /// Cutting energy per area, J/m².
     pub toughness: f64,
+    /// Strain beyond which a spring breaks, infinite where none does; only of [`Law::Springs`].
+    pub break_strain: f64,
     /// sRGB
     pub color: [u8; 3],
 }

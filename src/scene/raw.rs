@@ -168,6 +168,7 @@ pub(super) struct Layer {
     pub density_kg_m3: At<f64>,
     pub pre_strain: Option<Numbers>,
     pub toughness_kj_m2: Option<At<f64>>,
+    pub break_strain: Option<At<f64>>,
     pub color: Option<At<String>>,
 }
 

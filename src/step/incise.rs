@@ -260,19 +260,40 @@ impl Simulation {
             }
         }
         // cut the bodies
-        for (number, body) in self.bodies.iter_mut().enumerate() {
+        for number in 0..self.bodies.len() {
+            let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
-            let mass = body.wound.mass_of_nodes();
-            let severed = body.sever(&hits)?;
-            if severed > 0 {
-                // mass that has left takes its potential with it
-                let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
-                self.booked.removed += weight.max(0.0) * body.boxes.farthest();
-            }
-            report.severed += severed;
-            self.epoch += u32::from(severed > 0);
+            self.sever(number, &hits, report)?;
         }
+        Ok(())
+    }
+
+    /// Breaks springs that are stretched beyond their layer's limit.
+    pub(super) fn break_springs(&mut self, report: &mut StepReport) -> Result<()> {
+        for number in 0..self.bodies.len() {
+            if self.scene.skins[number].breaks() {
+                let body = &mut self.bodies[number];
+                let u = body.backend.displacements()?;
+                let hits = body.model.overstretched(&body.wound, &u);
+                self.sever(number, &hits, report)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Cuts links or springs of a body at these hits.
+    fn sever(&mut self, number: usize, hits: &[Hit<f64>], report: &mut StepReport) -> Result<()> {
+        let body = &mut self.bodies[number];
+        let mass = body.wound.mass_of_nodes();
+        let severed = body.sever(hits)?;
+        if severed > 0 {
+            // mass that has left takes its potential with it
+            let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
+            self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+        }
+        report.severed += severed;
+        self.epoch += u32::from(severed > 0);
         Ok(())
     }
 }

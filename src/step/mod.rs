@@ -58,7 +58,7 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{BodyId, Integrator, STEP, Scene};
+use crate::scene::{BodyId, Integrator, STEP, Scene, Skin};
 use body::Known;
 use contact::{NodeForces, Resolved};
 use glam::DVec3;
@@ -472,13 +472,17 @@ impl Simulation {
         // cut what the edges swept, carve, then read the probes
         let [blades, carvers] =
             [self.scene.tools.iter().any(|t| t.blade.is_some()), self.scene.tools.iter().any(|t| t.carve.is_some())];
-        if blades || carvers {
+        let breaks = self.scene.skins.iter().any(Skin::breaks);
+        if blades || carvers || breaks {
             let clock = Instant::now();
             if blades {
                 self.incise(&old, cuts, &mut report)?;
             }
             if carvers {
                 self.carve(&mut report)?;
+            }
+            if breaks {
+                self.break_springs(&mut report)?;
             }
             report.costs.spend(Part::Cut, clock);
         }

@@ -2,6 +2,7 @@
 
 mod blade;
 mod bodies;
+mod breaking;
 mod broad;
 mod carving;
 mod contact_laws;

@@ -1,11 +1,11 @@
 //! A body that is carved away to a tenth on the device stays that of the CPU path in f32: the same cells, and the same motion. Space finer than
-//! cells likewise.
+//! cells likewise, and springs that break by over-stretch.
 
 use super::small::{block, held};
 use super::{Failure, platform};
 use cutis::gpu::Gpu;
 use cutis::mesh::Carved;
-use cutis::scene::{Carve, Contact, Cut, Law, Material, Pose, Region, Round, Scene, Tool};
+use cutis::scene::{Boundary, Carve, Contact, Cut, Law, Material, Pose, Preconditioner, Region, Round, Scene, Tool};
 use cutis::step::{Platform, Simulation};
 
 /// Difference of the displacement, of the largest: what the solver's tolerance leaves, times what a slender rest of the body makes of it.
@@ -19,6 +19,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("a_cell_that_stays_is_noticed", a_lost_cell_is_noticed),
     ("space_carved_by_a_ball_is_that_of_the_cpu", space_alike),
     ("a_cell_of_another_share_is_noticed", another_share_is_noticed),
+    ("springs_that_break_are_those_of_the_cpu", breaking_alike),
 ];
 
 /// A block under gravity that can be carved.
@@ -155,5 +156,26 @@ fn another_share_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
     match apart[0] <= APART && apart[1] > APART {
         true => Ok(()),
         false => Err(format!("{apart:?}").into()),
+    }
+}
+
+/// A network whose lifted top tears its lower layer, with nothing that touches it: springs severed in each step, on both.
+fn breaking_alike(gpu: &Gpu) -> Result<(), Failure> {
+    let mut scene = block([6e-3; 2], [3, 3], &[(2, 2e-3, 1e5, 0.3, 1000.0), (2, 2e-3, 1e5, 0.3, 1000.0)]);
+    let skin = &mut scene.skins[0];
+    skin.law = Law::Springs { stiffness: 100.0, damping: 0.1 };
+    skin.layers[0].break_strain = 0.05;
+    let top = Boundary { displacement: [0.0, 0.0, 0.3e-3], ..held(Region::Top, [true; 3]) };
+    scene.boundaries = vec![held(Region::Bottom, [true; 3]), top];
+    scene.solver.preconditioner = Preconditioner::Column;
+    let mut counts = vec![];
+    for platform in [platform(gpu), Platform::Cpu32] {
+        let mut simulation = Simulation::new(&scene, &platform)?;
+        let own: Vec<u32> = (0..20).map(|_| Ok(simulation.step(false)?.severed)).collect::<Result<_, Failure>>()?;
+        counts.push(own);
+    }
+    match counts[0] == counts[1] && counts[0].iter().sum::<u32>() > 0 {
+        true => Ok(()),
+        false => Err(format!("{counts:?}").into()),
     }
 }

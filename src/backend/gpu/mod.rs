@@ -142,7 +142,8 @@ impl GpuBackend {
         let picked = n.min(needs.near.max(PICKED)) * slots;
         let pick = Gather::new(&mut made, picked, [&solver.x, &u, &v, &f])?;
         let most = n.max(elements.as_ref().map_or(0, |elements| (elements.bytes / 16) as usize));
-        let put = if needs.contact || needs.cutting { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
+        let changes = needs.contact || needs.cutting || needs.breaking;
+        let put = if changes { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting =

@@ -1,14 +1,33 @@
-//! Cuts through spring networks: crossed springs are removed. A cell counts as open if two or more of its four edges along one axis are
+//! Cuts through spring networks: crossed springs are removed, and those stretched beyond their layer's limit. A cell counts as open if two or more of its four edges along one axis are
 //! cut, a tetrahedron of a mesh if its remaining edges do not join its corners. A node without springs leaves the system.
 
 use super::{Springs, comes_apart};
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
+use crate::kernels::springs::elongation;
+use crate::math::{V3, V4};
 use glam::DVec3;
 
 /// Share of the thickness below the highest node in which nodes are of the top.
 const TOP: f64 = 1e-6;
+
+impl Model {
+    /// Springs that are stretched beyond their limit at displacements `u`, `[node]` m, as if they were crossed in the middle.
+    pub fn overstretched(&self, wound: &Wound, u: &[V4<f64>]) -> Vec<Hit<f64>> {
+        let Some(springs) = self.springs() else { return vec![] };
+        let beyond = |(spring, limit): &(usize, &f64)| {
+            let [a, b] = springs.ends[*spring].map(|node| node as usize);
+            let span = V3::of(self.rest[b]) - V3::of(self.rest[a]);
+            let shift = V3::from4(u[b]) - V3::from4(u[a]);
+            let slack = springs.law[*spring][0];
+            let stretch = slack + elongation(span, shift, (span + shift).length());
+            !wound.spring_gone[*spring] && stretch > **limit * (span.length() - slack)
+        };
+        let broken = springs.breaks_at.iter().enumerate().filter(beyond);
+        broken.map(|(spring, _)| Hit { segment: spring as u32, at: 0.5 }).collect()
+    }
+}
 
 impl Wound {
     /// Removes crossed springs.

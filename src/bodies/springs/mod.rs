@@ -37,6 +37,8 @@ pub struct Springs {
     pub half: Vec<[u32; 2]>,
     /// Tetrahedra of a mesh, empty for a grid.
     pub tetrahedra: Edged,
+    /// `[spring]` strain beyond which it breaks: the largest of the layers around it. Empty if none breaks.
+    pub breaks_at: Vec<f64>,
 }
 
 /// Edges of the tetrahedra of a mesh.
@@ -124,6 +126,40 @@ impl Springs {
         edges + 2 * faces + 4 * x * y * z
     }
 
+    /// Springs of a grid or of its mesh.
+    pub fn of(grid: &Grid, layers: &[Layer], stiffness: f64, damping: f64) -> Self {
+        let mut springs = match &grid.unstructured {
+            Some(of) => Self::along_edges(&of.mesh, stiffness, damping),
+            None => Self::between_corners(grid, stiffness, damping),
+        };
+        if layers.iter().any(|layer| layer.break_strain.is_finite()) {
+            springs.breaks_at = springs.limits(grid, layers);
+        }
+        springs
+    }
+
+    /// `[spring]` largest limit of the layers around it.
+    fn limits(&self, grid: &Grid, layers: &[Layer]) -> Vec<f64> {
+        let mut limits = vec![0.0f64; self.ends.len()];
+        let mut raise = |spring: u32, element: usize| {
+            let own = &mut limits[spring as usize];
+            *own = own.max(layers[grid.layer(element)].break_strain);
+        };
+        for (e, own) in self.tetrahedra.springs.iter().enumerate() {
+            own.iter().for_each(|spring| raise(*spring, e));
+        }
+        let params = grid.params::<f64>();
+        for cell in 0..grid.cell_count() {
+            let corners = params.corners(cell).map(|node| node as u32);
+            for node in corners {
+                let around = self.first[node as usize] as usize..self.first[node as usize + 1] as usize;
+                let inside = self.half[around].iter().filter(|[other, _]| corners.contains(other));
+                inside.for_each(|[_, spring]| raise(*spring, cell));
+            }
+        }
+        limits
+    }
+
     /// Springs between all corner pairs of each cell.
     pub fn between_corners(grid: &Grid, stiffness: f64, damping: f64) -> Self {
         let params = grid.params::<f64>();
@@ -161,7 +197,7 @@ impl Springs {
             half.extend(list);
             first.push(half.len() as u32);
         }
-        Self { ends, law, first, half, tetrahedra: Edged::default() }
+        Self { ends, law, first, half, tetrahedra: Edged::default(), breaks_at: vec![] }
     }
 }
 
@@ -228,6 +264,7 @@ impl Mechanics for Springs {
         let count = self.segment_count(model);
         let own = count * (size_of::<[u32; 2]>() + size_of::<[f64; 4]>() + 2 * size_of::<[u32; 2]>())
             + (model.own_nodes() + 1) * size_of::<u32>();
+        let own = own + self.breaks_at.len() * size_of::<f64>();
         match model.unstructured() {
             Some(of) => own + of.mesh.tetrahedra().len() * 2 * size_of::<[u32; 6]>() + (count + 1) * size_of::<u32>(),
             None => own,

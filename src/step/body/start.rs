@@ -35,8 +35,9 @@ pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
 
 /// Arrays that a deformable body's backend holds; `model` counts the tied nodes.
 pub fn needs(scene: &Scene, model: &Model) -> Needs {
+    let breaking = scene.skins[model.body].breaks();
     let Some(contact) = &scene.contact else {
-        return Needs::default();
+        return Needs { breaking, ..Needs::default() };
     };
     let exact = contact.correction == Correction::Exact;
     let tied = |a: &&Attachment| a.body == model.body || a.to == BodyId::Deformable(model.body);
@@ -46,6 +47,7 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
         columns: if exact { COLUMNS } else { 0 },
         near: most_nodes(contact.max_contacts) + ties,
         cutting: scene.tools.iter().any(|t| t.blade.is_some()),
+        breaking,
         node_blocks: contact.correction == Correction::Uncoupled,
     }
 }
