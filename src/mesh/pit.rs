@@ -66,38 +66,58 @@ pub struct Pit {
     corners: BTreeMap<u32, [f64; 3]>,
 }
 
-/// A cell at its present place.
-struct Placed {
+/// A cell at rest: its lowest corner and its edges, m.
+#[derive(Clone, Copy)]
+struct Cuboid {
     low: [f64; 3],
     edges: [f64; 3],
+}
+
+impl Cuboid {
+    fn new(grid: &Grid, cell: usize) -> Self {
+        let low = grid.rest(grid.params::<f64>().corners(cell)[0]);
+        Self { low, edges: grid.cell_edges(grid.layer(cell) as u32) }
+    }
+
+    /// Natural coordinates of a position, 0 to 1 inside.
+    fn natural(&self, at: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|n| (at[n] - self.low[n]) / self.edges[n])
+    }
+
+    /// Position in a sample, at shares of its edges from its lowest corner, m.
+    fn sample(&self, k: usize, shares: [f64; 3]) -> [f64; 3] {
+        let at = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE];
+        [0, 1, 2].map(|n| self.low[n] + (at[n] as f64 + shares[n]) * self.edges[n] / SIDE as f64)
+    }
+}
+
+/// A cell with the displacements of its corners.
+struct Placed {
+    rest: Cuboid,
     moved: [[f64; 3]; 8],
 }
 
 impl Placed {
     fn new(grid: &Grid, cell: usize, moved: &dyn Fn(u32) -> [f64; 3]) -> Self {
         let corners = grid.params::<f64>().corners(cell);
-        let edges = grid.cell_edges(grid.layer(cell) as u32);
-        Self { low: grid.rest(corners[0]), edges, moved: corners.map(|node| moved(node as u32)) }
-    }
-
-    fn natural(&self, at: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|n| (at[n] - self.low[n]) / self.edges[n])
+        Self { rest: Cuboid::new(grid, cell), moved: corners.map(|node| moved(node as u32)) }
     }
 
     /// Present position of a point at rest, m.
     fn now(&self, at: [f64; 3]) -> [f64; 3] {
-        let weights = trilinear(self.natural(at));
+        let weights = trilinear(self.rest.natural(at));
         [0, 1, 2].map(|n| at[n] + (0..8).map(|a| weights[a] * self.moved[a][n]).sum::<f64>())
     }
 
     /// Gradient over rest positions, `Fᵀ∇φ`, of what has the gradient `along` over present ones.
     fn slope(&self, at: [f64; 3], along: [f64; 3]) -> [f64; 3] {
-        let natural = self.natural(at);
+        let natural = self.rest.natural(at);
         let slope = |axis: usize| {
             let part = |a: usize| {
                 let sign = if corner(a)[axis] == 1 { 1.0 } else { -1.0 };
                 let side = |n: usize| if corner(a)[n] == 1 { natural[n] } else { 1.0 - natural[n] };
-                let weight: f64 = sign / self.edges[axis] * (0..3).filter(|n| *n != axis).map(side).product::<f64>();
+                let weight: f64 =
+                    sign / self.rest.edges[axis] * (0..3).filter(|n| *n != axis).map(side).product::<f64>();
                 (0..3).map(|n| weight * self.moved[a][n] * along[n]).sum::<f64>()
             };
             along[axis] + (0..8).map(part).sum::<f64>()
@@ -160,21 +180,19 @@ impl Pit {
 
     /// Samples of a cell after what is reached is gone; none if nothing of it is.
     fn thinned(&self, cell: u32, place: &Placed, of: &Distance) -> Option<(u32, Vec<u8>)> {
-        let edges = place.edges.map(|edge| edge / SIDE as f64);
-        let half = [0, 1, 2].map(|n| place.low[n] + 0.5 * place.edges[n]);
-        // the whole cell may be out of reach
-        let (middle, slope) = place.distance(half, of);
-        if middle > (0..3).map(|n| slope[n].abs() * place.edges[n]).sum::<f64>() {
-            return None;
+        let Cuboid { low, edges } = place.rest;
+        // how much the distance differs over the cell
+        let width = |slope: [f64; 3]| (0..3).map(|n| slope[n].abs() * edges[n]).sum::<f64>();
+        let (middle, slope) = place.distance([0, 1, 2].map(|n| low[n] + 0.5 * edges[n]), of);
+        if middle > width(slope) {
+            return None; // out of reach
         }
         let mut left = self.cells.get(&cell).cloned().unwrap_or_else(|| vec![u8::MAX; SAMPLES]);
         let mut less = false;
         for (k, left) in left.iter_mut().enumerate().filter(|(_, left)| **left > 0) {
-            let at = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE];
-            let at = [0, 1, 2].map(|n| place.low[n] + (at[n] as f64 + 0.5) * edges[n]);
             // the part of the sample's box that is left, as if the surface were a plane across it
-            let (distance, slope) = place.distance(at, of);
-            let width: f64 = (0..3).map(|n| slope[n].abs() * edges[n]).sum();
+            let (distance, slope) = place.distance(place.rest.sample(k, [0.5; 3]), of);
+            let width = width(slope) / SIDE as f64;
             let part = if width > 0.0 { 0.5 + distance / width } else { 0.0 };
             let own = (255.0 * part.clamp(0.0, 1.0)).round() as u8;
             less |= own < *left;
@@ -200,16 +218,13 @@ impl Pit {
         let params = grid.params::<f64>();
         let mut out = vec![];
         for (cell, left) in &carved.cells {
-            let low = grid.rest(params.corners(*cell as usize)[0]);
-            let edges = grid.cell_edges(grid.layer(*cell as usize) as u32).map(|edge| edge / SIDE as f64);
+            let rest = Cuboid::new(grid, *cell as usize);
             let highest = params.cell_at(*cell as usize)[2] + 1 == grid.cells[2];
             for (k, left) in left.iter().enumerate().filter(|(_, left)| **left < u8::MAX) {
-                let at = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE];
                 let sides: &[f64] = if *left < u8::MAX / 2 { &[0.0, 1.0] } else { &[0.5] };
                 for side in sides {
-                    let share = [*side, *side, f64::from(*left) / f64::from(u8::MAX)];
-                    let point = [0, 1, 2].map(|n| low[n] + (at[n] as f64 + share[n]) * edges[n]);
-                    out.push((point, highest && at[2] + 1 == SIDE && sides.len() > 1));
+                    let point = rest.sample(k, [*side, *side, f64::from(*left) / f64::from(u8::MAX)]);
+                    out.push((point, highest && k / SIDE / SIDE + 1 == SIDE && sides.len() > 1));
                 }
             }
         }
@@ -227,15 +242,12 @@ impl Pit {
         let cell = cell_of(grid, node, at, |cell| alive[cell])?;
         let nodes = params.corners(cell).map(|node| node as u32);
         let start = grid.rest(node);
-        Some(Corner { offset: [0, 1, 2].map(|n| at[n] - start[n]), nodes, weights: trilinear(natural(grid, cell, at)) })
+        Some(Corner {
+            offset: [0, 1, 2].map(|n| at[n] - start[n]),
+            nodes,
+            weights: trilinear(Cuboid::new(grid, cell).natural(at)),
+        })
     }
-}
-
-/// Natural coordinates of a rest position in a cell, 0 to 1 inside of it.
-fn natural(grid: &Grid, cell: usize, at: [f64; 3]) -> [f64; 3] {
-    let low = grid.rest(grid.params::<f64>().corners(cell)[0]);
-    let edges = grid.cell_edges(grid.layer(cell) as u32);
-    [0, 1, 2].map(|n| (at[n] - low[n]) / edges[n])
 }
 
 /// The cell that a node's corner moves with: of those that are `there` the one that it is in, or of those around the node the nearest.
@@ -246,7 +258,9 @@ fn cell_of(grid: &Grid, node: usize, at: [f64; 3], there: impl Fn(usize) -> bool
     let params = grid.params::<f64>();
     let level = params.node_at(node);
     let around = (0..8).filter_map(|a| params.cell_below(level, a)).filter(|cell| there(*cell));
-    let outside = |cell: &usize| natural(grid, *cell, at).iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
+    let outside = |cell: &usize| {
+        Cuboid::new(grid, *cell).natural(at).iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>()
+    };
     around.min_by(|a, b| outside(a).total_cmp(&outside(b)))
 }
 

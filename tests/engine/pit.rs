@@ -2,6 +2,7 @@
 
 use crate::small::{block, held};
 use cutis::bodies::{Model, Wound};
+use cutis::math::random::Random;
 use cutis::mesh::{Edges, LEAST};
 use cutis::scene::{Carve, Contact, Cut, Element, Law, Material, Pose, Region, Round, Scene, Tool};
 use cutis::step::{Platform, Simulation, StepReport};
@@ -82,6 +83,33 @@ fn a_ball_carves_a_smooth_groove_of_its_own_size() {
     let [[volume, depth], [finer, deeper]] = errors[..] else { unreachable!("two grids") };
     assert!(volume.abs() < 0.02 && finer.abs() < 0.01, "{errors:?}");
     assert!(depth.abs() < 0.04 && deeper.abs() < 0.03, "{errors:?}");
+}
+
+#[test]
+fn random_ways_through_the_body_leave_it_sound() {
+    for (seed, platform) in [(1, Platform::Cpu64), (2, Platform::Cpu32), (3, Platform::Cpu64)] {
+        let mut random = Random::new(seed);
+        let mut scene = groove(1);
+        scene.time.duration = 0.6;
+        // from place to place in 50 ms, through the held bottom and over the borders too
+        let pose = |k: u32| {
+            let position = [4.5e-3 * random.signed(), 4.5e-3 * random.signed(), 2.5e-3 + 3e-3 * random.signed()];
+            Pose { time: 0.05 * f64::from(k), position, ..Pose::default() }
+        };
+        scene.tools[0].trajectory = (0..13).map(pose).collect();
+        scene.tools[0].trajectory[0].position = [0.0, 0.0, 4.1e-3 + RADIUS];
+        let mut simulation = Simulation::new(&scene, &platform).unwrap_or_else(|e| panic!("{e}"));
+        for number in 0..scene.time.steps() {
+            let step = simulation.step(false).unwrap_or_else(|e| panic!("seed {seed}, step {number}: {e}"));
+            assert!(!step.warnings.contains_key("non_finite_nodes"), "seed {seed}, step {number}");
+            let body = &simulation.bodies[0];
+            for off in booked(&body.model, &body.wound) {
+                assert!(off.abs() < 1e-12, "seed {seed}, step {number}: {off:e}");
+            }
+            assert_eq!(body.wound.surface.edges(), Edges::default(), "seed {seed}, step {number}");
+        }
+        assert!(simulation.totals().volume > 20e-9, "seed {seed}: {:?}", simulation.totals());
+    }
 }
 
 #[test]
