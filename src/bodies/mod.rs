@@ -344,7 +344,7 @@ impl Model {
             Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
         } else if let Law::Springs { .. } = skin.law {
             springs::check(scene, body)?;
-            Kind::Springs(Box::default())
+            Kind::Springs(Box::new(Springs { breaks: skin.breaks(), ..Springs::default() }))
         } else {
             Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
         };

@@ -105,7 +105,7 @@ fn a_limit_without_springs_is_refused() {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let text = std::fs::read_to_string(scenes.join("skin_springs_tetra.toml")).expect("the scene is there");
     let read = |text: &str| parse(text, Path::new("a.toml"), &Files::Folder(scenes.clone())).map_err(|e| e.to_string());
-    let limited = text.replace("toughness_kj_m2 = 0.15", "toughness_kj_m2 = 0.15\nbreak_strain = 0.8");
+    let limited = text.replace("break_strain = 0.3", "break_strain = 0.8");
     assert_eq!(read(&limited).map(|scene| scene.skins[0].layers[0].break_strain), Ok(0.8));
     let wrong = read(&limited.replace("0.8", "-1")).expect_err("below 0");
     assert!(wrong.contains("break_strain"), "{wrong}");

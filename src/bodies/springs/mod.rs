@@ -37,6 +37,8 @@ pub struct Springs {
     pub half: Vec<[u32; 2]>,
     /// Tetrahedra of a mesh, empty for a grid.
     pub tetrahedra: Edged,
+    /// Whether springs may break by themselves.
+    pub breaks: bool,
     /// `[spring]` strain beyond which it breaks: the largest of the layers around it. Empty if none breaks.
     pub breaks_at: Vec<f64>,
 }
@@ -133,7 +135,7 @@ impl Springs {
             None => Self::between_corners(grid, stiffness, damping),
         };
         if layers.iter().any(|layer| layer.break_strain.is_finite()) {
-            springs.breaks_at = springs.limits(grid, layers);
+            (springs.breaks, springs.breaks_at) = (true, springs.limits(grid, layers));
         }
         springs
     }
@@ -197,7 +199,7 @@ impl Springs {
             half.extend(list);
             first.push(half.len() as u32);
         }
-        Self { ends, law, first, half, tetrahedra: Edged::default(), breaks_at: vec![] }
+        Self { ends, law, first, half, tetrahedra: Edged::default(), breaks: false, breaks_at: vec![] }
     }
 }
 
@@ -264,7 +266,7 @@ impl Mechanics for Springs {
         let count = self.segment_count(model);
         let own = count * (size_of::<[u32; 2]>() + size_of::<[f64; 4]>() + 2 * size_of::<[u32; 2]>())
             + (model.own_nodes() + 1) * size_of::<u32>();
-        let own = own + self.breaks_at.len() * size_of::<f64>();
+        let own = own + if self.breaks { count * size_of::<f64>() } else { 0 };
         match model.unstructured() {
             Some(of) => own + of.mesh.tetrahedra().len() * 2 * size_of::<[u32; 6]>() + (count + 1) * size_of::<u32>(),
             None => own,
