@@ -94,7 +94,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
         Kind::Springs(s) => {
             let of_mesh = &s.tetrahedra;
             let lists = size_of_val(&of_mesh.first[..]) + size_of_val(&of_mesh.around[..]);
-            let around = size_of_val(&s.first[..]) + size_of_val(&s.half[..]);
+            let around = size_of_val(&s.first[..]) + size_of_val(&s.half[..]) + size_of_val(&s.breaks_at[..]);
             size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + around + size_of_val(&of_mesh.springs[..]) + lists
         }
         Kind::Hexahedra(h) => {
