@@ -24,6 +24,7 @@ use crate::bodies::rigid::{Edge, Flat, Instrument, Role};
 use crate::constraints::Law;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{BodyId, Filter, Plane};
+use features::closest::on_segment;
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
@@ -122,6 +123,18 @@ pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
     let first = tool.samples.first().map_or(tool.position, |s| tool.at(s.position));
     wider(&Aabb::from_points(points.chain([to_f32(first)])), margin)
+}
+
+/// Signed distance of a position from a tool's round surface, or from its points, with the direction away from it, m.
+pub fn distance_from(tool: &Instrument, at: DVec3) -> (f64, DVec3) {
+    let from = |nearest: DVec3, radius: f64| ((at - nearest).length() - radius, (at - nearest).normalize_or_zero());
+    if let Some(round) = &tool.round {
+        let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
+        return from(ends[0].lerp(ends[1], on_segment(at, ends)), round.radius);
+    }
+    let radius = tool.lines.as_ref().map_or(0.0, |lines| lines.radius);
+    let of_samples = tool.samples.iter().map(|sample| from(tool.at(sample.position), radius));
+    of_samples.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, DVec3::ZERO))
 }
 
 /// Part of a body's box that may touch a wall; none if it is clear of it.

@@ -176,20 +176,6 @@ pub struct Motion {
 }
 
 impl Instrument {
-    /// Signed distance of a position from its round surface, or from its points, with the direction away from it, m.
-    pub fn distance(&self, at: DVec3) -> (f64, DVec3) {
-        let from = |nearest: DVec3, radius: f64| ((at - nearest).length() - radius, (at - nearest).normalize_or_zero());
-        if let Some(round) = &self.round {
-            let [a, b] = round.ends.map(|end| self.at(DVec3::from_array(end)));
-            let line = b - a;
-            let along = if line.length_squared() > 0.0 { (at - a).dot(line) / line.length_squared() } else { 0.0 };
-            return from(a + line * along.clamp(0.0, 1.0), round.radius);
-        }
-        let radius = self.lines.as_ref().map_or(0.0, |lines| lines.radius);
-        let of_samples = self.samples.iter().map(|sample| from(self.at(sample.position), radius));
-        of_samples.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, DVec3::ZERO))
-    }
-
     /// Current state.
     pub fn motion(&self) -> Motion {
         let Self { position, rotation, velocity, angular_velocity, sharp, live, .. } = *self;

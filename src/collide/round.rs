@@ -31,6 +31,7 @@
 //! nearest surface.
 //! Units: m.
 
+use super::features::closest::on_segment;
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
@@ -90,10 +91,7 @@ impl Sweep {
     /// Nearest point of the axis before the motion.
     fn nearest(&self, p: DVec3) -> DVec3 {
         let [a, b] = self.ends;
-        let line = b - a;
-        let squared = line.length_squared();
-        let s = if squared > 0.0 { ((p - a).dot(line) / squared).clamp(0.0, 1.0) } else { 0.0 };
-        a + line * s
+        a + (b - a) * on_segment(p, self.ends)
     }
 
     /// Smallest clearance up to the first touch, with the value of `at` there; `at` maps the fraction of the motion to clearance and value.

@@ -16,7 +16,7 @@ use super::{Simulation, StepReport};
 use crate::backend::Query;
 use crate::bodies::rigid::{Instrument, Role};
 use crate::bodies::{Removal, Wound};
-use crate::collide::{Contact, lips};
+use crate::collide::{Contact, distance_from, lips};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
@@ -117,14 +117,18 @@ impl Simulation {
                 let carved = body.reached(&near, (tool, &self.tools[tool]), reach)?;
                 removed += body.carve_space(&carved)?;
             }
-            let body = &mut self.bodies[number];
             report.carved += removed;
-            self.epoch += u32::from(body.wound.totals.volume > volume);
-            // mass that has left takes its potential with it
-            let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
-            self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+            self.epoch += u32::from(self.bodies[number].wound.totals.volume > volume);
+            self.book_removal(number, mass);
         }
         Ok(())
+    }
+
+    /// Books what a body has lost of its `mass` before, kg: mass that has left takes its potential with it.
+    fn book_removal(&mut self, number: usize, mass: f64) {
+        let body = &self.bodies[number];
+        let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
+        self.booked.removed += weight.max(0.0) * body.boxes.farthest();
     }
 
     /// Present cells of a body, in ascending order, out of which a tool may take space: those around the contacts that are within its reach and
@@ -288,9 +292,7 @@ impl Simulation {
         let mass = body.wound.mass_of_nodes();
         let severed = body.sever(hits)?;
         if severed > 0 {
-            // mass that has left takes its potential with it
-            let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
-            self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+            self.book_removal(number, mass);
         }
         report.severed += severed;
         self.epoch += u32::from(severed > 0);
@@ -352,7 +354,7 @@ impl Body {
         let (known, origin) = (&self.known.u, self.origin());
         let moved = |node: u32| known[&node];
         let distance = |at: [f64; 3]| {
-            let (distance, along) = tool.distance(DVec3::from_array(at) + origin);
+            let (distance, along) = distance_from(tool, DVec3::from_array(at) + origin);
             (distance - reach, along.to_array())
         };
         Ok(self.wound.surface.reached((cells, &self.located.faces[number]), &moved, &distance))

@@ -1,5 +1,6 @@
 //! Space carved finer than cells: how deep and how much, that every gram is booked, and that the equations solved are those of what is left.
 
+use crate::carving::goes_on;
 use crate::small::{block, held};
 use cutis::bodies::{Model, Wound};
 use cutis::math::random::Random;
@@ -161,22 +162,7 @@ fn a_pressure_has_to_be_reached() {
 
 #[test]
 fn a_carved_body_goes_on_from_its_state() {
-    let scene = groove(1);
-    let make = || Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
-    let steps = |simulation: &mut Simulation, count: u32| {
-        (0..count).for_each(|_| drop(simulation.step(false).unwrap_or_else(|e| panic!("{e}"))));
-    };
-    let (mut whole, mut first, mut rest) = (make(), make(), make());
-    steps(&mut whole, 45);
-    steps(&mut first, 30);
-    assert!(first.totals().volume > 0.0 && whole.totals().volume > first.totals().volume);
-    rest.restore(&first.state().expect("it has a state")).expect("the same scene");
-    steps(&mut rest, 15);
-    let bytes = |simulation: &mut Simulation| {
-        postcard::to_allocvec(&simulation.state().expect("it has a state")).expect("it can be written")
-    };
-    assert_eq!(bytes(&mut whole), bytes(&mut rest));
-    assert_ne!(bytes(&mut whole), bytes(&mut first), "the counter-test");
+    let mut whole = goes_on(&groove(1), 30, |simulation| simulation.totals().volume);
     // another body's state is refused
     let other = Simulation::new(&groove(2), &Platform::Cpu64).and_then(|mut s| s.restore(&whole.state()?));
     assert!(other.is_err());

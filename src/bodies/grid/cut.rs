@@ -174,8 +174,7 @@ impl Wound {
         nodes.dedup();
         for node in nodes.into_iter().filter(|node| self.live[*node] > 0) {
             if model.mass != Mass::Uniform {
-                let at = params.node_at(node);
-                let around = (0..8).filter_map(|a| params.cell_below(at, a)).filter(|cell| self.surface.alive[*cell]);
+                let around = self.surface.parts.cells_of(node).into_iter().filter(|cell| self.surface.alive[*cell]);
                 let mass = |cell: usize| model.shape[model.grid.layer(cell)][3] * self.surface.share(cell);
                 self.free[node][3] = around.map(mass).sum();
             }
