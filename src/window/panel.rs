@@ -51,17 +51,18 @@ fn light(ui: &mut Ui, figures: &Figures) {
         Pace::Still => (Color32::from_gray(187), "stands still".into()),
         Pace::InTime => (Color32::from_rgb(46, 158, 79), in_time(share)),
         Pace::Tight => (Color32::from_rgb(224, 176, 32), in_time(share)),
-        Pace::Late => (
-            Color32::from_rgb(204, 51, 51),
-            format!(
-                "not in real time: a step takes {share:.1} times its time; fewer [skin] cells, a longer step, a looser tolerance or less speed"
-            ),
-        ),
+        Pace::Late => {
+            (Color32::from_rgb(204, 51, 51), format!("not in real time: a step takes {share:.1} times its time"))
+        }
     };
+    // one line whatever the pace, so that no button below moves under the mouse
     ui.horizontal(|ui| {
         let (rect, _) = ui.allocate_exact_size(Vec2::splat(16.0), Sense::hover());
         ui.painter().circle_filled(rect.center(), 7.0, color);
-        ui.add(egui::Label::new(words).wrap());
+        let label = ui.add(egui::Label::new(words).truncate());
+        if figures.pace() == Pace::Late {
+            label.on_hover_text("fewer [skin] cells, a longer step, a looser tolerance or less speed");
+        }
     });
     ui.label(RichText::new(format!("{:.3} s", figures.time_s)).monospace());
 }

@@ -26,7 +26,12 @@ mod window {
     use std::time::{Duration, Instant};
 
     /// Longest wait for anything; a loaded machine takes its time.
-    const LONG: Duration = Duration::from_secs(120);
+    const LONG: Duration = Duration::from_secs(240);
+    /// Wait for what an act should do, before it is done again.
+    const WHILE: Duration = Duration::from_secs(4);
+    /// The button of the scalpel, and the colour of a tool that is in hand.
+    const SCALPEL: (usize, usize) = (950, 155);
+    const TAKEN: [u8; 3] = [144, 209, 255];
 
     #[cfg(target_os = "linux")]
     #[test]
@@ -96,6 +101,25 @@ mod window {
             let from = word(0) + 12 * word(19);
             assert_eq!((word(4), word(5), word(11)), (1240, 800, 32), "width, height, bits of a pixel");
             bytes[from..from + 4 * 1240 * 800].chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect()
+        }
+
+        /// Clicks until it is done; a slow machine has taken some clicks for a press of long.
+        fn click(&self, what: &str, at: &str, done: impl Fn() -> bool) {
+            self.act(&format!("mousemove {at}"));
+            until(what, || {
+                self.act("click 1");
+                let begun = Instant::now();
+                while !done() && begun.elapsed() < WHILE {
+                    std::thread::sleep(Duration::from_millis(50));
+                }
+                done()
+            });
+        }
+
+        /// Whether the scalpel is in hand: around the words on its button.
+        fn has_scalpel(&self) -> bool {
+            let pixels = self.pixels();
+            (SCALPEL.0 - 60..SCALPEL.0 + 60).any(|x| pixels[1240 * SCALPEL.1 + x] == TAKEN)
         }
 
         fn save(&self, name: &str) {
@@ -220,9 +244,8 @@ mod window {
         until("a film", || film.exists());
         let (count, seconds) = filmed(&film);
         assert!(count > 5 && (1.0..120.0).contains(&seconds), "{count} pictures, {seconds} s");
-        screen.act("mousemove 1109 76 click 1");
         let motion = folder.join("motion_0001.csv");
-        until("the hand's motion", || motion.exists());
+        screen.click("the hand's motion", "1109 76", || motion.exists());
         let table = std::fs::read_to_string(&motion).expect("a table");
         assert!(table.starts_with("time_s,x_mm") && table.lines().count() > 20, "{table}");
         screen.act("mousemove 300 600");
@@ -239,10 +262,17 @@ mod window {
         };
         wait("it is cut open", &mut opened, |open| differing(&cut, open) > 0.05 && red(open) > 0.05);
         screen.save("screen_5.png");
-        screen.act("mousemove 935 356 click 1");
-        wait("the colours of von Mises' stress", &mut picture, |colored| red(colored) < 0.02);
+        let mut colored = || {
+            screen.act("mousemove 935 356 click 1");
+            picture()
+        };
+        wait("the colours of von Mises' stress", &mut colored, |colored| red(colored) < 0.02);
         screen.save("screen_6.png");
-        screen.act("mousemove 973 333 click 1");
+        let mut layered = || {
+            screen.act("mousemove 973 333 click 1");
+            picture()
+        };
+        wait("the colours of layers", &mut layered, |layered| red(layered) > 0.05);
         let mut closed = || {
             drag(950, 880);
             picture()
@@ -250,16 +280,22 @@ mod window {
         wait("it is whole", &mut closed, |whole| differing(&cut, whole) == 0.0);
         screen.act("mousemove 300 600");
         // dragging turns the view
-        screen.act("mousemove 300 600 mousedown 1");
-        screen.act("mousemove 360 640");
-        screen.act("mousemove 420 600");
-        screen.act("mouseup 1");
-        wait("the view is turned", &mut picture, |turned| differing(&cut, turned) > 0.1);
+        let mut turned = || {
+            screen.act("mousemove 300 600 mousedown 1");
+            screen.act("mousemove 360 640");
+            screen.act("mousemove 420 600");
+            screen.act("mouseup 1");
+            picture()
+        };
+        wait("the view is turned", &mut turned, |turned| differing(&cut, turned) > 0.1);
         screen.save("screen_3.png");
         // anew, with the scalpel in hand: it waits above the skin, where the recorded one has cut by then
-        screen.act("mousemove 1015 53 click 1");
-        wait("the skin is whole", &mut picture, |picture| wound(picture) == 0.0);
-        screen.act("mousemove 950 155 click 1");
+        let mut anew = || {
+            screen.act("mousemove 1015 53 click 1");
+            picture()
+        };
+        wait("the skin is whole", &mut anew, |picture| wound(picture) == 0.0);
+        screen.click("the scalpel in hand", &format!("{} {}", SCALPEL.0, SCALPEL.1), || screen.has_scalpel());
         screen.act("mousemove 400 500");
         screen.act("key space");
         std::thread::sleep(Duration::from_secs(6));
