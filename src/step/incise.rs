@@ -60,6 +60,11 @@ struct Piece {
     sticking: Option<(DVec3, bool)>,
 }
 
+/// Point of the surface that a contact is on, m.
+fn foot(contact: &Contact) -> DVec3 {
+    contact.point - contact.axes[0] * contact.gap[0]
+}
+
 impl Simulation {
     /// Whether an edge touches skin in a step: without a contact it cuts nothing.
     pub(super) fn edges_meet_skin(&self, contacts: &[Contact]) -> bool {
@@ -92,10 +97,12 @@ impl Simulation {
             if !carve.whole_cells || !self.scene.skins[number].can_be_carved() {
                 continue;
             }
-            // the face that the contact is on, and what presses on it
+            // the face that the contact is on, and what presses on it; where space was carved, contacts are on the nodes of cells
             let located = &self.bodies[number].located;
             let holds = |face: &&Face| found.points[1].nodes().all(|node| face.nodes.contains(&node));
-            let Some(face) = located.faces[tool].iter().find(holds) else { continue };
+            let cell = || located.patches[tool].as_ref().map(|patch| patch.at_rest(foot(found), |_| DVec3::ZERO).1);
+            let beside = || cell().and_then(|cell| located.faces[tool].iter().find(|face| face.cell == cell));
+            let Some(face) = located.faces[tool].iter().find(holds).or_else(beside) else { continue };
             let area = self.bodies[number].area_of(face);
             let gap = found.gap[0] + found.axes[0].dot(contact.slips[k]);
             if gap <= carve.distance && contact.forces[k][0] >= carve.pressure * area {
@@ -147,7 +154,7 @@ impl Simulation {
         let touched: Vec<Touched> = (contact.contacts.iter().enumerate())
             .filter(|(_, c)| of_pair(c))
             .map(|(k, c)| {
-                let (at, cell) = patch.at_rest(c.point - c.axes[0] * c.gap[0], rest);
+                let (at, cell) = patch.at_rest(foot(c), rest);
                 Touched { at, cell, gap: c.gap[0] + c.axes[0].dot(contact.slips[k]), force: contact.forces[k][0] }
             })
             .collect();

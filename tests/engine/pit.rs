@@ -126,6 +126,36 @@ fn whole_cells_are_the_yardstick() {
 }
 
 #[test]
+fn whole_cells_go_out_of_a_pit_too() {
+    // the ball takes space; then a second one, pressed into its pit, removes what is left of the cells there
+    let mut scene = groove(1);
+    let pose = |time, z| Pose { time, position: [0.1e-3, 0.13e-3, z], ..Pose::default() };
+    let (above, deep) = (7e-3 + RADIUS, 4e-3 + RADIUS - 1.1e-3);
+    let leaves = Pose { time: 0.35, position: [1.5e-3, 0.13e-3, above], ..Pose::default() };
+    scene.tools[0].trajectory.push(leaves);
+    let second = Tool {
+        name: "second".into(),
+        trajectory: vec![pose(0.0, above), pose(0.35, above), pose(0.45, deep)],
+        carve: Some(Carve { distance: REACH, whole_cells: true, ..Carve::default() }),
+        ..scene.tools[0].clone()
+    };
+    scene.tools.push(second);
+    scene.time.duration = 0.45;
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut whole = vec![];
+    for number in 0..scene.time.steps() {
+        simulation.step(false).unwrap_or_else(|e| panic!("step {number}: {e}"));
+        let body = &simulation.bodies[0];
+        whole.push(body.wound.totals.hexes);
+        for off in booked(&body.model, &body.wound) {
+            assert!(off.abs() < 1e-12, "step {number}: {off:e}");
+        }
+    }
+    let before = whole[(0.35 / scene.time.step) as usize];
+    assert!(*whole.last().expect("steps") > before + 1, "{before} cells, then {:?}", whole.last());
+}
+
+#[test]
 fn lighter_cells_weigh_and_resist_less() {
     // a body that has lost half of its upper cells stands under its weight as its mass says, and rests at a smaller energy
     let mut scene = groove(1);

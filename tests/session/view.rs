@@ -20,6 +20,7 @@ fn a_program_without_its_window_says_how_to_build_it() {
 #[cfg(feature = "view")]
 mod window {
     use super::cutis;
+    use std::cell::Cell;
     use std::io::{BufRead, BufReader};
     use std::path::{Path, PathBuf};
     use std::process::{Child, Command, Stdio};
@@ -61,6 +62,8 @@ mod window {
         _server: Running,
         display: String,
         folder: PathBuf,
+        /// Pictures that the window has saved.
+        pictures: Cell<u32>,
     }
 
     impl Screen {
@@ -72,7 +75,12 @@ mod window {
             let server = Running(server);
             let mut number = String::new();
             BufReader::new(out).read_line(&mut number).expect("the number of the display");
-            Self { _server: server, display: format!(":{}", number.trim()), folder: folder.into() }
+            Self {
+                _server: server,
+                display: format!(":{}", number.trim()),
+                folder: folder.into(),
+                pictures: Cell::new(0),
+            }
         }
 
         fn told(&self, words: &str) -> Result<(), String> {
@@ -101,6 +109,35 @@ mod window {
             let from = word(0) + 12 * word(19);
             assert_eq!((word(4), word(5), word(11)), (1240, 800, 32), "width, height, bits of a pixel");
             bytes[from..from + 4 * 1240 * 800].chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect()
+        }
+
+        /// The picture in the window, saved by its key: everything that was done before is in it.
+        fn picture(&self) -> Vec<[u8; 3]> {
+            self.pictures.set(self.pictures.get() + 1);
+            self.act("key p");
+            let path = self.folder.join(format!("view_{:04}.png", self.pictures.get()));
+            until("a saved picture", || path.exists());
+            saved(&path)
+        }
+
+        /// Drags from place to place, each of them seen by the window before the next; the picture after it.
+        fn drag(&self, places: &[&str]) -> Vec<[u8; 3]> {
+            for (k, at) in places.iter().enumerate() {
+                self.act(&format!("mousemove {at}"));
+                if k == 0 {
+                    self.act("mousedown 1");
+                }
+                self.picture();
+            }
+            self.act("mouseup 1");
+            self.picture()
+        }
+
+        /// Clicks on a place; the picture after it.
+        fn clicked(&self, at: &str) -> Vec<[u8; 3]> {
+            self.act(&format!("mousemove {at}"));
+            self.act("click 1");
+            self.picture()
         }
 
         /// Clicks until it is done; a slow machine has taken some clicks for a press of long.
@@ -213,26 +250,18 @@ mod window {
         let words = String::from_utf8_lossy(&said.stderr);
         assert!(said.status.code() == Some(3) && words.contains("no usable GPU adapter"), "{words}");
         screen.focus();
-        let mut number = 0;
-        let mut picture = || {
-            number += 1;
-            screen.act("key p");
-            let path = folder.join(format!("view_{number:04}.png"));
-            until("a saved picture", || path.exists());
-            saved(&path)
-        };
         screen.act("mousemove 300 600");
-        let whole = picture();
+        let whole = screen.picture();
         assert!(red(&whole) > 0.1 && wound(&whole) == 0.0, "{} {}", red(&whole), wound(&whole));
         screen.save("screen_1.png");
         // it runs: the recorded hand cuts
         screen.act("key f");
         screen.act("key space");
-        wait("a wound", &mut picture, |picture| wound(picture) > WOUND);
+        wait("a wound", &mut || screen.picture(), |picture| wound(picture) > WOUND);
         screen.act("key space");
         // it stands still: two pictures are one
-        let mut cut = picture();
-        wait("it stands still", &mut picture, |next| {
+        let mut cut = screen.picture();
+        wait("it stands still", &mut || screen.picture(), |next| {
             let apart = differing(&cut, next);
             cut = next.to_vec();
             apart == 0.0
@@ -249,62 +278,30 @@ mod window {
         let table = std::fs::read_to_string(&motion).expect("a table");
         assert!(table.starts_with("time_s,x_mm") && table.lines().count() > 20, "{table}");
         screen.act("mousemove 300 600");
-        // cut open by the slider, in the colours of a quantity over cells, and back; again where a slow machine has taken press and release at
-        // once
-        let drag = |from: u32, to: u32| {
-            screen.act(&format!("mousemove {from} 403 mousedown 1"));
-            screen.act(&format!("mousemove {to} 403"));
-            screen.act("mouseup 1");
-        };
-        let mut opened = || {
-            drag(904, 950);
-            picture()
-        };
-        wait("it is cut open", &mut opened, |open| differing(&cut, open) > 0.05 && red(open) > 0.05);
+        // cut open by the slider, in the colours of a quantity over cells, and back
+        let open = |open: &[[u8; 3]]| differing(&cut, open) > 0.05 && red(open) > 0.05;
+        wait("it is cut open", &mut || screen.drag(&["904 403", "950 403"]), open);
         screen.save("screen_5.png");
-        let mut colored = || {
-            screen.act("mousemove 935 356 click 1");
-            picture()
-        };
-        wait("the colours of von Mises' stress", &mut colored, |colored| red(colored) < 0.02);
+        wait("the colours of von Mises' stress", &mut || screen.clicked("935 356"), |colored| red(colored) < 0.02);
         screen.save("screen_6.png");
-        let mut layered = || {
-            screen.act("mousemove 973 333 click 1");
-            picture()
-        };
-        wait("the colours of layers", &mut layered, |layered| red(layered) > 0.05);
-        let mut closed = || {
-            drag(950, 880);
-            picture()
-        };
-        wait("it is whole", &mut closed, |whole| differing(&cut, whole) == 0.0);
-        screen.act("mousemove 300 600");
+        wait("the colours of layers", &mut || screen.clicked("973 333"), |layered| red(layered) > 0.05);
+        wait("it is whole", &mut || screen.drag(&["950 403", "880 403"]), |whole| differing(&cut, whole) == 0.0);
         // dragging turns the view
-        let mut turned = || {
-            screen.act("mousemove 300 600 mousedown 1");
-            screen.act("mousemove 360 640");
-            screen.act("mousemove 420 600");
-            screen.act("mouseup 1");
-            picture()
-        };
-        wait("the view is turned", &mut turned, |turned| differing(&cut, turned) > 0.1);
+        let mut turn = || screen.drag(&["300 600", "360 640", "420 600"]);
+        wait("the view is turned", &mut turn, |turned| differing(&cut, turned) > 0.1);
         screen.save("screen_3.png");
         // anew, with the scalpel in hand: it waits above the skin, where the recorded one has cut by then
-        let mut anew = || {
-            screen.act("mousemove 1015 53 click 1");
-            picture()
-        };
-        wait("the skin is whole", &mut anew, |picture| wound(picture) == 0.0);
+        wait("the skin is whole", &mut || screen.clicked("1015 53"), |picture| wound(picture) == 0.0);
         screen.click("the scalpel in hand", &format!("{} {}", SCALPEL.0, SCALPEL.1), || screen.has_scalpel());
         screen.act("mousemove 400 500");
         screen.act("key space");
         std::thread::sleep(Duration::from_secs(6));
-        assert_eq!(wound(&picture()), 0.0);
+        assert_eq!(wound(&screen.picture()), 0.0);
         // down by the wheel, along with the button
         (0..26).for_each(|_| screen.act("click 5"));
         screen.act("mousedown 1");
         (0..30).for_each(|_| screen.act("mousemove_relative -- 6 -3"));
-        wait("a wound by hand", &mut picture, |picture| wound(picture) > WOUND);
+        wait("a wound by hand", &mut || screen.picture(), |picture| wound(picture) > WOUND);
         screen.save("screen_4.png");
         screen.act("mouseup 1");
         // a signal ends it with its status
