@@ -69,7 +69,7 @@ pub struct Patches<R> {
     pub per_volume: Vec<R>,
 }
 
-/// Parts of the arrays that a cut has changed, each in ascending order; the lists of nodes and domains may have changed everywhere.
+/// Parts of the arrays that a cut has changed, each in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// Tetrahedra with other corners or domains, or that were removed.
@@ -78,6 +78,8 @@ pub struct Changes {
     pub nodes: Vec<u32>,
     /// Domains with other tetrahedra.
     pub domains: Vec<u32>,
+    /// The lists of nodes and domains have changed, everywhere.
+    pub lists: bool,
 }
 
 /// Three columns of a matrix in an array, 48 bytes.

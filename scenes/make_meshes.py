@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes the skin of scenes/skin_tetra.toml as Gmsh files of three sizes: meshes/skin_coarse.msh, skin_middle.msh,
-skin_fine.msh; and the surface of scenes/pad.toml: meshes/pad.obj.
+skin_fine.msh; the surface of scenes/pad.toml: meshes/pad.obj; and that of scenes/verify/bar_aslant.toml: meshes/bar_aslant.obj.
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
 
@@ -8,6 +8,8 @@ Plain Python 3, no packages, no input, no randomness: the same files on every ru
     python3 scenes/make_meshes.py --pad 24 FILE.msh     the pad as tetrahedra, 24 cells across, to compare with
 
 The pad: a box bent to a cushion of 16 x 12 x 8 mm, with round corners and a top that is 3 mm lower at its rim.
+
+The bar: 3 x 3 x 12 mm, turned by 30 degrees about y.
 
 The skin: a box of 20 x 20 x 2.3 mm with its corner at the origin, as Gmsh's box has it; version 2.2, text. Physical groups: the
 volume `skin`; its faces `bottom`, `top` and `sides`.
@@ -19,12 +21,15 @@ mixed, so that neighbours are split in different ways and no direction is prefer
 
 from itertools import product
 from pathlib import Path
+import math
 import sys
 
 SIZE = (20.0, 20.0, 2.3)  # mm
 PAD = (16.0, 12.0, 8.0)  # mm
 ROUND = 0.35  # of the pad's corners: 0 none, 0.5 an ellipse
 DROP = 3.0  # mm, of its top at the middle of its sides
+BAR = (3.0, 3.0, 12.0)  # mm
+TURNED = math.radians(30.0)  # of the bar about y
 SIZES = {"coarse": (8, 8, 2), "middle": (12, 12, 3), "fine": (16, 16, 4)}  # cells
 JITTER = 0.2  # largest move of a node along an axis, widths of a cell
 # Corners around each face of a cell, counter-clockwise from outside; a corner has the bits x, y, z.
@@ -73,6 +78,12 @@ def cushion(at):
     ]
 
 
+def aslant(at):
+    """The same of the bar."""
+    x, y, z = (size * (share - 0.5) for size, share in zip(BAR, at))
+    return [x * math.cos(TURNED) + z * math.sin(TURNED), y, z * math.cos(TURNED) - x * math.sin(TURNED)]
+
+
 def mesh(cells, place, jitter):
     """Points, tetrahedra, and triangles of the faces with their group, of a box that is bent by `place`."""
     counts = [n + 1 for n in cells]
@@ -114,11 +125,11 @@ def msh(points, tetrahedra, triangles):
     return "\n".join(lines + ["$EndElements"]) + "\n"
 
 
-def obj(points, triangles):
-    """Text of a Wavefront OBJ file of the triangles and their points."""
+def obj(scene, points, triangles):
+    """Text of a Wavefront OBJ file of the triangles and their points, and of the scene that it is for."""
     used = sorted({k for _, nodes in triangles for k in nodes})
     number = {k: n + 1 for n, k in enumerate(used)}
-    lines = ["# surface of scenes/pad.toml, mm, by make_meshes.py"]
+    lines = [f"# surface of scenes/{scene}.toml, mm, by make_meshes.py"]
     lines += ["v " + " ".join(f"{c:.4f}".rstrip("0").rstrip(".") for c in points[k]) for k in used]
     return "\n".join(lines + ["f " + " ".join(str(number[k]) for k in nodes) for _, nodes in triangles]) + "\n"
 
@@ -138,9 +149,10 @@ def main():
         path = folder / f"skin_{name}.msh"
         path.write_text(msh(*made))
         print(f"{path.name}: {len(made[0])} nodes, {len(made[1])} tetrahedra")
-    points, _, triangles = pad(24)
-    (folder / "pad.obj").write_text(obj(points, triangles))
-    print(f"pad.obj: {len(triangles)} triangles")
+    surfaces = {"pad": ("pad", pad(24)), "bar_aslant": ("verify/bar_aslant", mesh((1, 1, 4), aslant, 0.0))}
+    for name, (scene, (points, _, triangles)) in surfaces.items():
+        (folder / f"{name}.obj").write_text(obj(scene, points, triangles))
+        print(f"{name}.obj: {len(triangles)} triangles")
 
 
 if __name__ == "__main__":

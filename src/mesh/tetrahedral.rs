@@ -14,12 +14,13 @@
 //! would need more duplicates, or more edges of the smoothed element ([`EDGES`]), than there is room for is refused.
 //!
 //! After removals no two tetrahedra meet in a node or an edge alone: of the components around each, by faces that hold it, only the largest
-//! stays. What is on the outside is found anew for the whole mesh.
+//! stays. What is on the outside is found anew for the whole mesh after a cut, and around what was removed after a removal.
 //! Source: Molino, Bao, Fedkiw 2004 (virtual nodes); Sase et al. 2015 (removal that keeps the surface a manifold); differs from both: what
 //! hangs by a node or an edge is removed, not joined or split.
 
 use super::parts::FRAGMENT;
-use super::{Corner, Outside, PAIRS, Unstructured};
+use super::unstructured::{EMPTY, Extent, extend};
+use super::{Corner, Face, Outside, PAIRS, Unstructured};
 use crate::formats;
 use crate::math::{V3, V4};
 use glam::DVec3;
@@ -400,8 +401,7 @@ impl TetrahedralParts {
         copy
     }
 
-    /// The outside of the tetrahedra that are left: a triangle that another one had on its other side is a wall. Takes time in proportion
-    /// to the mesh.
+    /// The outside after a cut: a triangle that another one had on its other side is a wall. Takes time in proportion to the mesh.
     fn find_outside(&self) -> Outside {
         let Unstructured { mesh, links, .. } = self.mesh();
         let mut out = Outside::found(
@@ -410,17 +410,13 @@ impl TetrahedralParts {
             |e, opposite| self.beyond(e, opposite),
             |e, opposite| (self.outward(e, opposite), links.over(e, opposite).is_some()),
         );
-        // corners of the wound lie beside their nodes
-        for (face, [low, high]) in out.faces.iter().zip(&mut out.behind) {
-            for node in face.corners() {
-                let (rest, offset) = (mesh.nodes()[self.original(*node as usize)], self.offset(*node));
-                for n in 0..3 {
-                    let x = rest[n] + offset[n];
-                    (low[n], high[n]) = (low[n].min(x), high[n].max(x));
-                }
-            }
-        }
+        out.faces.iter().zip(&mut out.behind).for_each(|(face, behind)| self.add_corners(face, behind));
         out
+    }
+
+    /// Extends a box to the corners of a triangle: those of the wound lie beside their nodes.
+    fn add_corners(&self, face: &Face, behind: &mut Extent) {
+        face.corners().iter().for_each(|node| extend(behind, (self.rest(*node) + self.offset(*node)).to_array()));
     }
 
     /// Volume at rest of the tetrahedra that are there, with the nodes that they have now, and its change at displacements `u`, `[node]` m,
@@ -442,10 +438,8 @@ impl TetrahedralParts {
     /// Removes tetrahedra.
     pub fn remove(&mut self, gone: &[u32]) {
         self.prepare();
-        if !gone.is_empty() {
-            gone.iter().for_each(|e| self.present[*e as usize] = false);
-            self.outside = Some(self.find_outside());
-        }
+        gone.iter().for_each(|e| self.present[*e as usize] = false);
+        self.uncover(gone);
     }
 
     /// Removes tetrahedra, then what they leave that hangs by an edge or a node, and pieces of fewer than [`FRAGMENT`]; returns all that
@@ -462,10 +456,33 @@ impl TetrahedralParts {
             out.extend(&next);
             next = self.hanging(&next);
         }
-        if !out.is_empty() {
-            self.outside = Some(self.find_outside());
-        }
+        self.uncover(&out);
         out
+    }
+
+    /// Has the outside follow the removal of tetrahedra, in time in proportion to them.
+    fn uncover(&mut self, gone: &[u32]) {
+        if gone.is_empty() {
+            return;
+        }
+        let mut outside = self.outside.take().unwrap_or_else(|| self.of.outside.clone());
+        outside.number(self.corners());
+        gone.iter().flat_map(|e| 4 * e..4 * e + 4).for_each(|side| outside.remove(side));
+        let links = &self.of.links;
+        for (e, k) in gone.iter().flat_map(|e| (0..4).map(move |k| (*e, k))) {
+            let Some(link) = links.over(e as usize, k).filter(|link| !self.severed[*link]) else { continue };
+            let [a, b] = links.sides[link];
+            let side = if a == 4 * e + k as u32 { b } else { a };
+            let [other, opposite] = [side / 4, side % 4].map(|n| n as usize);
+            if self.present[other] {
+                let face = Face { wall: true, ..Face::triangle(self.outward(other, opposite), other as u32) };
+                let mut own = EMPTY;
+                self.of.mesh.corners(other).into_iter().for_each(|x| extend(&mut own, x));
+                self.add_corners(&face, &mut own);
+                outside.uncover(e, side, face, own);
+            }
+        }
+        self.outside = Some(outside);
     }
 
     /// Tetrahedra that hang by a node or an edge, or in a piece too small, after the removal of others.

@@ -4,16 +4,25 @@
 //! tetrahedron to tetrahedron over their faces, if all triangles set out at once; the first of them counts at a tie, and a triangle's own
 //! tetrahedron is always its own too. They divide the body as the columns of cells below their faces divide a grid, so a point that has sunk
 //! into the body is behind a triangle.
+//!
+//! Where tetrahedra are removed, the triangles that come to light are added in time in proportion to the removed ones. Each gets the box of the
+//! triangle that the removed tetrahedron was behind, as of when all were found: what was behind that one, along tetrahedra that were
+//! too, is still in the box of a triangle, that of the last removed tetrahedron on its way.
 
 use super::{Face, Links};
 use crate::formats;
 use crate::math::{M3, V3, V4};
 use crate::scene::TetrahedralMesh;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 /// Nobody's.
 const NONE: u32 = u32::MAX;
+
+/// Lowest and highest corner of a box, m.
+pub type Extent = [[f64; 3]; 2];
+/// Contains nothing.
+pub(super) const EMPTY: Extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
 
 /// A mesh with what is derived from it.
 #[derive(Clone, Debug)]
@@ -34,7 +43,18 @@ pub struct Outside {
     /// Triangles; their cells are tetrahedra.
     pub faces: Vec<Face>,
     /// `[triangle]` lowest and highest corner of the box around the tetrahedra behind it, m.
-    pub behind: Vec<[[f64; 3]; 2]>,
+    pub behind: Vec<Extent>,
+    /// `[tetrahedron]` number, in `boxes`, of the triangle that it was behind when all were found; and the boxes of then.
+    owner: Vec<u32>,
+    boxes: Vec<Extent>,
+    /// `[triangle]` its side, 4 × tetrahedron + opposite corner, and the number of the triangle of a side; empty until tetrahedra are removed.
+    sides: Vec<u32>,
+    numbers: BTreeMap<u32, u32>,
+}
+
+/// Extends a box to a point.
+pub(super) fn extend([low, high]: &mut Extent, x: [f64; 3]) {
+    (0..3).for_each(|n| (low[n], high[n]) = (low[n].min(x[n]), high[n].max(x[n])));
 }
 
 impl Outside {
@@ -58,8 +78,51 @@ impl Outside {
             .collect();
         outside.sort_by_key(|(ids, face)| (*ids, face.cell));
         let faces: Vec<Face> = outside.into_iter().map(|(_, face)| face).collect();
-        let behind = behind(mesh, &faces, beyond);
-        Self { faces, behind }
+        let (owner, behind) = behind(mesh, &faces, beyond);
+        Self { faces, boxes: behind.clone(), behind, owner, sides: vec![], numbers: BTreeMap::new() }
+    }
+
+    /// Numbers the triangles by their sides, once; `corners` of the tetrahedra.
+    pub(super) fn number(&mut self, corners: &[[u32; 4]]) {
+        if self.sides.is_empty() {
+            let side = |face: &Face| {
+                let opposite = corners[face.cell as usize].iter().position(|node| !face.nodes.contains(node));
+                4 * face.cell + opposite.unwrap_or_else(|| unreachable!("a triangle leaves one corner out")) as u32
+            };
+            self.sides = self.faces.iter().map(side).collect();
+            self.numbers = self.sides.iter().copied().zip(0..).collect();
+        }
+    }
+
+    /// Takes the triangle of a side away, if there is one; the last triangle gets its number.
+    pub(super) fn remove(&mut self, side: u32) {
+        if let Some(number) = self.numbers.remove(&side) {
+            let at = number as usize;
+            self.faces.swap_remove(at);
+            self.behind.swap_remove(at);
+            self.sides.swap_remove(at);
+            if let Some(moved) = self.sides.get(at) {
+                self.numbers.insert(*moved, number);
+            }
+        }
+    }
+
+    /// Adds the triangle of a side behind which a removed tetrahedron was; `own` is the box of its own.
+    pub(super) fn uncover(&mut self, removed: u32, side: u32, face: Face, mut own: Extent) {
+        // whatever was behind the removed one has been behind the same triangle
+        self.boxes[self.owner[removed as usize] as usize].iter().for_each(|x| extend(&mut own, *x));
+        self.numbers.insert(side, self.faces.len() as u32);
+        self.faces.push(face);
+        self.behind.push(own);
+        self.sides.push(side);
+    }
+
+    /// Size of the arrays, bytes.
+    fn bytes(&self) -> usize {
+        size_of_val(&self.faces[..])
+            + size_of_val(&self.behind[..])
+            + size_of_val(&self.owner[..])
+            + size_of_val(&self.boxes[..])
     }
 }
 
@@ -85,8 +148,7 @@ impl Unstructured {
         size_of_val(mesh.nodes())
             + size_of_val(mesh.tetrahedra())
             + size_of_val(mesh.layers())
-            + size_of_val(&self.outside.faces[..])
-            + size_of_val(&self.outside.behind[..])
+            + self.outside.bytes()
             + size_of_val(&self.around[..])
             + self.links.bytes()
     }
@@ -103,12 +165,12 @@ impl Unstructured {
     }
 }
 
-/// Boxes around the tetrahedra behind the triangles: see the module.
+/// `[tetrahedron]` triangle that it is behind, and boxes around those behind each triangle: see the module.
 fn behind(
     mesh: &TetrahedralMesh,
     outside: &[Face],
     beyond: impl Fn(usize, usize) -> Option<usize>,
-) -> Vec<[[f64; 3]; 2]> {
+) -> (Vec<u32>, Vec<Extent>) {
     let mut owner = vec![NONE; mesh.tetrahedra().len()];
     let mut queue = VecDeque::new();
     for (number, face) in outside.iter().enumerate() {
@@ -125,15 +187,10 @@ fn behind(
             }
         }
     }
-    let mut boxes = vec![[[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]]; outside.len()];
-    let mut add = |number: usize, e: usize| {
-        let [low, high] = &mut boxes[number];
-        for x in mesh.corners(e) {
-            (0..3).for_each(|n| (low[n], high[n]) = (low[n].min(x[n]), high[n].max(x[n])));
-        }
-    };
+    let mut boxes = vec![EMPTY; outside.len()];
+    let mut add = |number: usize, e: usize| mesh.corners(e).into_iter().for_each(|x| extend(&mut boxes[number], x));
     let owned = owner.iter().enumerate().filter(|(_, number)| **number != NONE);
     owned.for_each(|(e, number)| add(*number as usize, e));
     outside.iter().enumerate().for_each(|(number, face)| add(number, face.cell as usize));
-    boxes
+    (owner, boxes)
 }

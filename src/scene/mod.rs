@@ -264,7 +264,7 @@ pub enum Preconditioner {
     Block,
     /// Block-tridiagonal along each z-column of nodes.
     Column,
-    /// One V-cycle of geometric multigrid with column smoothing; hexahedra only.
+    /// One V-cycle of geometric multigrid with column smoothing; of tetrahedra on an auxiliary grid, beside node blocks.
     Multigrid,
     /// Sparse Cholesky factor of the complete matrix, for direct solves; hexahedra only, CPU path only.
     Direct,

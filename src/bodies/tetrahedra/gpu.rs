@@ -410,7 +410,7 @@ impl Recorded for Tetrahedra {
         self.corners.clone()
     }
 
-    /// Writes what has changed, and all of the lists of nodes and domains; the corners are the table of split nodes.
+    /// Writes what has changed, and where tetrahedra have got other nodes all of the lists of nodes and domains; the corners are the table of split nodes.
     fn take(&self, gpu: &Gpu, removal: &Removal) {
         if let (Some(multigrid), false) = (&self.multigrid, removal.copies.is_empty()) {
             multigrid.transfer.borrow_mut().copy(&removal.copies);
@@ -420,14 +420,18 @@ impl Recorded for Tetrahedra {
         let own = |name: &str| self.shared.get(name).unwrap_or_else(|| unreachable!("the body has {name}"));
         write(gpu, &own("gradients"), &changes.tetrahedra, 3, |at| operator.gradients[at].map(|c| c as f32));
         write(gpu, &own("rest_block"), &changes.nodes, 2, |at| operator.rest_block[at].map(|c| c as f32));
-        gpu.write(&own("first_of_node"), 0, &operator.first_of_node);
-        gpu.write(&own("of_node"), 0, &operator.of_node);
+        if changes.lists {
+            gpu.write(&own("first_of_node"), 0, &operator.first_of_node);
+            gpu.write(&own("of_node"), 0, &operator.of_node);
+        }
         if self.smoothed {
             write(gpu, &own("per_volume"), &changes.nodes, 1, |at| operator.per_volume[at] as f32);
             write(gpu, &own("shear"), &changes.domains, 1, |at| operator.shear[at].map(|c| c as f32));
             write(gpu, &own("domains"), &changes.tetrahedra, 6, |at| operator.domains[at]);
-            gpu.write(&own("first_of_domain"), 0, &operator.first_of_domain);
-            gpu.write(&own("of_domain"), 0, &operator.of_domain);
+            if changes.lists {
+                gpu.write(&own("first_of_domain"), 0, &operator.first_of_domain);
+                gpu.write(&own("of_domain"), 0, &operator.of_domain);
+            }
         }
     }
 

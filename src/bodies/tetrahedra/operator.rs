@@ -1,9 +1,9 @@
 //! Arrays of the elastic operator of a mesh of linear tetrahedra, and its passes on the CPU path ([`crate::kernels::tetrahedra`]).
 //!
 //! A cut gives tetrahedra other nodes or removes them ([`Arrays::change`]). An edge whose tetrahedra have parted is then two domains. Volumes,
-//! domains and blocks are found anew around the change alone; the lists of nodes and domains are put in order anew for the whole body. A
-//! removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or moduli, and in no list: it
-//! takes part in every pass and adds nothing.
+//! domains and blocks are found anew around the change alone; the lists of nodes and domains are put in order anew for the whole body where
+//! tetrahedra have got other nodes. A removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or
+//! moduli, and in lists until they are put in order: it takes part in every pass and adds nothing.
 
 use crate::bodies::Place;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix, mean};
@@ -126,7 +126,11 @@ impl Arrays<f64> {
         }
         let mut tetrahedra: BTreeSet<u32> = changes.iter().map(|(e, _)| *e).collect();
         let domains = if self.smoothed { self.divide_domains(&mut tetrahedra) } else { vec![] };
-        self.set_lists();
+        // removed tetrahedra may stay in the lists: they add zeros
+        let lists = !changes.iter().all(|(_, corners)| is_removed(corners));
+        if lists {
+            self.set_lists();
+        }
         for i in &touched {
             let volume: f64 = self.around(*i as usize).map(|(e, _)| self.volume(e)).sum();
             self.per_volume[*i as usize] = if volume > 0.0 { volume.recip() } else { 0.0 };
@@ -134,7 +138,7 @@ impl Arrays<f64> {
         // a block depends on the nodes of the tetrahedra around its own
         let around = touched.iter().flat_map(|i| self.around(*i as usize)).flat_map(|(e, _)| self.corners[e]);
         let nodes: BTreeSet<u32> = around.chain(touched.iter().copied()).collect();
-        Changes { tetrahedra: tetrahedra.into_iter().collect(), nodes: nodes.into_iter().collect(), domains }
+        Changes { tetrahedra: tetrahedra.into_iter().collect(), nodes: nodes.into_iter().collect(), domains, lists }
     }
 
     /// Finds the blocks of some nodes anew.
@@ -295,8 +299,10 @@ impl Arrays<f64> {
         }
         for (domain, b) in of_domain {
             let volume = self.shear[domain as usize][0];
-            let first = self.of_domain[self.first_of_domain[domain as usize] as usize] as usize / 4;
-            let shear = self.gradients[3 * first + 2][3];
+            // of any that is there: they are of one material
+            let members = self.first_of_domain[domain as usize]..self.first_of_domain[domain as usize + 1];
+            let shear = members.map(|at| self.gradients[3 * (self.of_domain[at as usize] / 4) as usize + 2][3]);
+            let shear = shear.fold(0.0, f64::max);
             sum = sum + of_deviator(b) * (volume * shear / 6.0);
         }
         // volume: t = ∂θ̄_e/∂u_i
@@ -397,10 +403,12 @@ impl<R: Real> Arrays<R> {
             (2 * i..2 * i + 2).for_each(|at| self.rest_block[at] = round(&from.rest_block[at]));
         }
         changes.domains.iter().for_each(|k| self.shear[*k as usize] = round(&from.shear[*k as usize]));
-        self.first_of_node.clone_from(&from.first_of_node);
-        self.of_node.clone_from(&from.of_node);
-        self.first_of_domain.clone_from(&from.first_of_domain);
-        self.of_domain.clone_from(&from.of_domain);
+        if changes.lists {
+            self.first_of_node.clone_from(&from.first_of_node);
+            self.of_node.clone_from(&from.of_node);
+            self.first_of_domain.clone_from(&from.first_of_domain);
+            self.of_domain.clone_from(&from.of_domain);
+        }
     }
 
     /// Tetrahedra around a node, with the node's corner.

@@ -16,6 +16,7 @@ use std::path::Path;
 const SCENES: &[(&str, &str)] = &[
     ("ball", include_str!("../../../scenes/verify/ball.toml")),
     ("bar", include_str!("../../../scenes/verify/bar.toml")),
+    ("bar_aslant", include_str!("../../../scenes/verify/bar_aslant.toml")),
     ("beam", include_str!("../../../scenes/verify/beam.toml")),
     ("braking", include_str!("../../../scenes/verify/braking.toml")),
     ("cantilever", include_str!("../../../scenes/verify/cantilever.toml")),
@@ -29,6 +30,7 @@ const SCENES: &[(&str, &str)] = &[
     ("incline_slide", include_str!("../../../scenes/verify/incline_slide.toml")),
     ("incline_stick", include_str!("../../../scenes/verify/incline_stick.toml")),
     ("langer", include_str!("../../../scenes/verify/langer.toml")),
+    ("pad_under_pressure", include_str!("../../../scenes/verify/pad_under_pressure.toml")),
     ("panel", include_str!("../../../scenes/verify/panel.toml")),
     ("patch", include_str!("../../../scenes/verify/patch.toml")),
     ("skin_block_045", include_str!("../../../scenes/verify/skin_block_045.toml")),
@@ -42,6 +44,8 @@ const SCENES: &[(&str, &str)] = &[
 
 /// Files that they name.
 const FILES: &[(&str, &str)] = &[
+    ("../meshes/bar_aslant.obj", include_str!("../../../scenes/meshes/bar_aslant.obj")),
+    ("../meshes/pad.obj", include_str!("../../../scenes/meshes/pad.obj")),
     ("../meshes/pin.obj", include_str!("../../../scenes/meshes/pin.obj")),
     ("../meshes/pin_point.obj", include_str!("../../../scenes/meshes/pin_point.obj")),
     ("../meshes/scalpel.obj", include_str!("../../../scenes/meshes/scalpel.obj")),
@@ -196,6 +200,20 @@ const CONFINED: Case = Case {
     ..BASE
 };
 
+/// In cells that the surface cuts.
+const HANGING: Case = Case {
+    name: "bar 30° aslant under its own weight, embedded",
+    scene: "bar_aslant",
+    measure: Probe("strain"),
+    what: "strain at its middle, along z",
+    unit: RATIO,
+    reference: 8.91e-4,
+    source: "ρ g 6 mm/E, uniaxial",
+    bound: 0.05,
+    quick: true,
+    ..BASE
+};
+
 const BOX: Case =
     Case { measure: Rate("speed"), unit: ("m/s²", 1.0), source: "Coulomb", bound: 1e-4, quick: true, ..BASE };
 
@@ -271,6 +289,11 @@ pub const CASES: &[Case] = &[
            what: "reaction of a quarter", unit: MN, reference: 3.365695e-3, source: "Hertz 1882, Dimitriadis et al. 2002", bound: 0.01, ..BASE },
     Case { name: "stiff ball in a pulled block, 10 : 1, ν 0.3", scene: "ball", measure: Probe("inside"), what: "strain inside, along", unit: RATIO,
            reference: 1.842538e-4, source: "Eshelby 1957", bound: 0.05, quick: true, ..BASE },
+    HANGING,
+    Case { changes: &[Cells([24, 8], &[32])], measure: Probe("stress"), what: "von Mises stress at its middle", unit: ("Pa", 1.0), reference: 6.6,
+           source: "ρ g 6 mm", bound: 0.02, quick: false, ..HANGING },
+    Case { name: "curved pad under pressure all around, embedded", scene: "pad_under_pressure", measure: Probe("shrinks"), what: "change of volume",
+           unit: ("10⁻⁶", 1e6), reference: -6e-5, source: "p/K", bound: 1e-3, quick: true, ..BASE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, COARSE], reference: 0.172, bound: 0.10, ..SPHERE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, FINE], reference: 0.172, bound: 0.05, ..SPHERE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, Poisson(0.49)], reference: 0.2, bound: 0.10, ..SPHERE },
