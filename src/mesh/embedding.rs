@@ -12,6 +12,10 @@ use std::sync::Arc;
 
 /// Share of a cell below which it is gone. Its mass is lost: at most this share of a cut cell.
 const GONE: f64 = 1e-4;
+/// Longest edge of the surface's triangles, longest edges of cells: forces act at their corners and the middles of their edges, and larger ones would
+/// leave cells between them unloaded.
+const LONGEST: f64 = 1.5;
+
 /// What is inside of a row of cells along x, at all levels.
 #[derive(Clone, Default)]
 struct Inside {
@@ -33,8 +37,10 @@ impl Embedded {
     pub(super) fn new(grid: &Grid, skin: &Skin, surface: &Arc<ClosedSurface>) -> Self {
         let params = grid.params::<f64>();
         let (share, mass) = inside(grid, skin, surface);
+        let widest = grid.layer_of.iter().flat_map(|layer| grid.cell_edges(*layer)).fold(0.0, f64::max);
+        let fine = surface.refined(LONGEST * widest);
         let mut out = Self {
-            surface: surface.clone(),
+            surface: fine.clone(),
             share,
             mass,
             nodes: vec![],
@@ -47,7 +53,7 @@ impl Embedded {
         };
         // the points of the surface, each with its cell
         let mut cells = vec![];
-        for point in surface.points() {
+        for point in fine.points() {
             let (cell, natural) = out.carrier(grid, &params, *point).unwrap_or_else(|nearest| {
                 out.misfit = Some(Misfit::Thin(*point));
                 nearest
@@ -64,13 +70,13 @@ impl Embedded {
         }
         let first = params.node_count;
         let face = |t: &[u32; 3]| Face::triangle(t.map(|id| first + id), cells[t[0] as usize]);
-        out.outside = surface.triangles().iter().map(face).collect();
+        out.outside = fine.triangles().iter().map(face).collect();
         out.behind = out.behind(grid, &params, &cells);
         let of_group = |group: &Group| {
             let nodes = group.nodes().iter().flat_map(|point| out.point(*point).0).map(|(node, _)| node);
             Group::new(group.name().to_string(), nodes.collect())
         };
-        out.groups = surface.groups().iter().map(of_group).collect();
+        out.groups = fine.groups().iter().map(of_group).collect();
         out
     }
 

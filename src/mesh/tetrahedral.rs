@@ -519,3 +519,82 @@ impl TetrahedralParts {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Random;
+    use crate::mesh::Grid;
+    use crate::scene::{Layer, Skin, TetrahedralMesh};
+
+    fn block(cells: [u32; 2], levels: u32) -> TetrahedralParts {
+        let layer = Layer { thickness: 1e-3 * f64::from(levels), cells: levels, ..Layer::default() };
+        let raster = Skin { size: cells.map(|n| 1e-3 * f64::from(n)), cells, layers: vec![layer], ..Skin::default() };
+        let grid = Grid::new(&raster);
+        let nodes = (0..grid.node_count()).map(|node| grid.rest(node)).collect();
+        let tetrahedra: Vec<[u32; 4]> = grid.tetrahedra().into_iter().map(|(corners, _)| corners).collect();
+        let layers = vec![0; tetrahedra.len()];
+        let mesh = TetrahedralMesh::new(nodes, tetrahedra, layers).unwrap_or_else(|defect| panic!("{defect}"));
+        TetrahedralParts::new(Arc::new(Unstructured::new(&Arc::new(mesh))), 400)
+    }
+
+    /// Triangles in order, and whether every tetrahedron that is there is in the box of one of them.
+    fn triangles(parts: &TetrahedralParts, outside: &Outside) -> (Vec<[u32; 5]>, bool) {
+        let mut faces: Vec<[u32; 5]> = (outside.faces.iter())
+            .map(|face| {
+                let [a, b, c, _] = face.nodes;
+                [face.cell, a, b, c, u32::from(face.wall)]
+            })
+            .collect();
+        faces.sort_unstable();
+        assert_eq!(outside.faces.len(), outside.behind.len());
+        let within = |x: [f64; 3], [low, high]: &Extent| (0..3).all(|n| low[n] <= x[n] && x[n] <= high[n]);
+        let covered = |e: usize| {
+            let corners = parts.of.mesh.corners(e);
+            outside.behind.iter().any(|behind| corners.iter().all(|x| within(*x, behind)))
+        };
+        let all = (0..parts.present.len()).filter(|e| parts.present[*e]).all(covered);
+        let own = outside
+            .faces
+            .iter()
+            .zip(&outside.behind)
+            .all(|(face, behind)| parts.of.mesh.corners(face.cell as usize).iter().all(|x| within(*x, behind)));
+        (faces, all && own)
+    }
+
+    #[test]
+    fn the_outside_follows_removals_as_it_is_found_anew() {
+        for seed in 1..5 {
+            let (mut parts, mut random) = (block([5, 4], 4), Random::new(seed));
+            let count = parts.present.len();
+            let mut gone = 0;
+            while 10 * gone < 9 * count {
+                if random.below(8) == 0 {
+                    let links: Vec<(u32, f64)> =
+                        (0..6).map(|_| (random.below(parts.severed.len() as u64) as u32, 0.5)).collect();
+                    parts.cut(links.into_iter());
+                }
+                let chosen: Vec<u32> = (0..=random.below(4)).map(|_| random.below(count as u64) as u32).collect();
+                let before = parts.outside().faces.len();
+                let removed = parts.carve(&chosen).len();
+                gone += removed;
+                let fresh = parts.find_outside();
+                assert_eq!(
+                    triangles(&parts, parts.outside()),
+                    (triangles(&parts, &fresh).0, true),
+                    "seed {seed}, {gone}"
+                );
+                assert!(removed == 0 || before > 0);
+            }
+        }
+        // the counter-test: triangles with boxes of their own tetrahedra alone leave some uncovered
+        let mut parts = block([5, 4], 4);
+        parts.carve(&[0]);
+        let mut outside = parts.outside().clone();
+        for (face, behind) in outside.faces.iter().zip(&mut outside.behind) {
+            *behind = EMPTY;
+            parts.of.mesh.corners(face.cell as usize).into_iter().for_each(|x| extend(behind, x));
+        }
+        assert!(!triangles(&parts, &outside).1);
+    }
+}

@@ -12,8 +12,11 @@ use super::text::{SceneText, in_mm};
 use super::{Integrator, Law, Mass, Probe, ProbeKind, STEP, Scene, Skin};
 use crate::formats::Mesh;
 use glam::DVec3;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Triangles that enclose a body: closed, of one orientation, of positive volume. Its points are those of the triangles alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +26,24 @@ pub struct ClosedSurface {
     size: [f64; 3],
     volume: f64,
     groups: Vec<Group>,
+}
+
+/// A triangle by the middles of its edges, of those that have one.
+fn halved(triangle: [u32; 3], middles: &BTreeMap<[u32; 2], u32>) -> Vec<[u32; 3]> {
+    let middle = |a: u32, b: u32| middles.get(&[a.min(b), a.max(b)]).copied();
+    // turned so that the edges with a middle come first
+    let turned = |k: usize| [0, 1, 2].map(|n| triangle[(n + k) % 3]);
+    let marked = |[a, b, c]: [u32; 3]| [middle(a, b), middle(b, c), middle(c, a)];
+    for [a, b, c] in (0..3).map(turned) {
+        match marked([a, b, c]) {
+            [None, None, None] => return vec![triangle],
+            [Some(m), None, None] => return vec![[a, m, c], [m, b, c]],
+            [Some(m), Some(n), None] => return vec![[m, b, n], [a, m, n], [a, n, c]],
+            [Some(m), Some(n), Some(o)] => return vec![[a, m, o], [m, b, n], [o, n, c], [m, n, o]],
+            _ => {}
+        }
+    }
+    unreachable!("one of the three turns is as wanted")
 }
 
 /// What is wrong with a surface.
@@ -123,6 +144,38 @@ impl ClosedSurface {
         let size = [0, 1, 2].map(|n| high[n] - low[n]);
         let sound = volume > 0.0 && size.iter().all(|edge| *edge > 0.0);
         if sound { Ok(Self { points: kept, triangles, size, volume, groups }) } else { Err(Leak::Inverted) }
+    }
+
+    /// The surface with no edge longer than `longest`, m: longer ones are halved, in both of their triangles, until there is none. A middle is of
+    /// the groups that both ends are of.
+    pub fn refined(self: &Arc<Self>, longest: f64) -> Arc<Self> {
+        let mut out = Cow::Borrowed(&**self);
+        loop {
+            let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+            let at = |id: u32| DVec3::from_array(out.points[id as usize]);
+            let mut points = vec![];
+            for [a, b] in out.triangles.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]) {
+                let edge = [*a.min(b), *a.max(b)];
+                if at(*a).distance(at(*b)) > longest && !middles.contains_key(&edge) {
+                    middles.insert(edge, (out.points.len() + points.len()) as u32);
+                    points.push((0.5 * (at(edge[0]) + at(edge[1]))).to_array());
+                }
+            }
+            if middles.is_empty() {
+                return match out {
+                    Cow::Borrowed(_) => self.clone(),
+                    Cow::Owned(out) => Arc::new(out),
+                };
+            }
+            let out = out.to_mut();
+            out.points.extend(points);
+            out.triangles = out.triangles.iter().flat_map(|triangle| halved(*triangle, &middles)).collect();
+            for group in &mut out.groups {
+                let own = |id: &u32| group.holds(*id as usize);
+                let between = middles.iter().filter(|([a, b], _)| own(a) && own(b)).map(|(_, middle)| *middle);
+                *group = Group::new(group.name().to_string(), group.nodes().iter().copied().chain(between).collect());
+            }
+        }
     }
 
     /// `[point]` rest position in the body's frame, m.

@@ -122,6 +122,45 @@ fn a_box_aslant_has_its_volume_and_cavities_are_left_out() {
 }
 
 #[test]
+fn long_edges_are_halved_and_the_surface_stays_what_it_is() {
+    let of = |id: &u32, points: &[[f64; 3]]| glam::DVec3::from(points[*id as usize]);
+    for surface in [surface(cuboid([0.0; 3], [9e-3, 4e-3, 1e-3], 1)), ellipsoid([4e-3, 3e-3, 2e-3], 3)] {
+        let fine = surface.refined(0.7e-3);
+        let (points, triangles) = (fine.points(), fine.triangles());
+        let edges = triangles.iter().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let longest = edges.map(|[a, b]| of(a, points).distance(of(b, points))).fold(0.0, f64::max);
+        assert!(longest <= 0.7e-3 && triangles.len() > 100, "{longest:e}, {}", triangles.len());
+        // closed, of the same volume and size
+        let again = ClosedSurface::new(points.to_vec(), triangles.to_vec()).unwrap_or_else(|leak| panic!("{leak}"));
+        assert!((again.volume() / surface.volume() - 1.0).abs() < 1e-12 && fine.volume() == surface.volume());
+        assert!(fine.refined(0.7e-3).triangles().len() == triangles.len() && fine.size() == surface.size());
+    }
+}
+
+#[test]
+fn a_surface_of_a_few_triangles_is_pressed_like_one_of_many() {
+    // a plate on a ball's way and under a pressure on its top: two triangles there, or triangles like the cells
+    let answers = |count: u32| {
+        let plate = surface(cuboid([0.0; 3], [12e-3, 12e-3, 4e-3], count));
+        let mut scene = block(body(&plate, [13, 13, 5], Some([13e-3, 13e-3, 5e-3])), Preconditioner::Multigrid);
+        scene.time.integrator = Integrator::Static;
+        scene.boundaries.push(held(Region::Bottom, [true; 3]));
+        let kind = LoadKind::Pressure { pressure: 500.0, follower: false };
+        let top = Region::Plane { through: [0.0, 0.0, 4e-3], normal: [0.0, 0.0, 1.0], within: 1e-6 };
+        scene.loads.push(Load { body: 0, region: top, kind, start: 0.0, end: f64::INFINITY });
+        scene.probes = [0.0, 3e-3].map(|x| displacement("u", [x, 0.0, 3e-3], 2)).to_vec();
+        (run(&scene, &Platform::Cpu64, 1).probes, Model::new(&scene, 0).expect("it fits").grid.embedded.clone())
+    };
+    let ((few, coarse), (many, _)) = (answers(1), answers(12));
+    println!("{few:?} {many:?}");
+    // halved, edges are up to one and a half of a cell's; at the corners of the two alone the pressure would not reach the middle
+    assert!(apart(&few, &many) < 0.05, "{few:?} {many:?}");
+    assert!(many.iter().all(|u| *u < -1e-5), "{many:?}");
+    // of the 12 triangles that it was
+    assert!(coarse.expect("it is").outside.len() > 200);
+}
+
+#[test]
 fn surfaces_with_a_hole_or_turned_triangles_are_refused() {
     let (points, triangles) = cuboid([0.0; 3], [1e-2; 3], 2);
     let leak = |triangles: Vec<[u32; 3]>| ClosedSurface::new(points.clone(), triangles).err();
