@@ -5,7 +5,7 @@
 //!    grids, until it is within 1 %. The embedded block is turned by 30°, so that its sides cut cells; it is 9 mm or more from the load to them.
 //! 2. An iteration of plain conjugate gradients on those bodies (a product and its sums), per degree of freedom.
 //! 3. Removal of a cell: the call, and what the step after it takes more, on bodies of growing width.
-//! 4. Memory of a simulation per node (Linux).
+//! 4. Memory of a simulation per node, each in a process of its own (Linux).
 //!
 //! `cargo bench --bench tetrahedra -- 1 3` makes the first and the third table alone.
 
@@ -238,31 +238,53 @@ fn resident() -> Option<f64> {
     Some(1024.0 * line.split_whitespace().nth(1)?.parse::<f64>().ok()?)
 }
 
+const PRECONDITIONERS: [(Preconditioner, &str); 2] =
+    [(Preconditioner::Block, "block"), (Preconditioner::Multigrid, "multigrid")];
+
+/// Nodes of a body, and what a simulation of it adds to the memory of this process, bytes, which has freed nothing before.
+fn added(row: usize) -> (usize, f64) {
+    let (kind, preconditioner) = (KINDS[row / 2].0, PRECONDITIONERS[row % 2].0);
+    let mut scene = block(kind, (100, [6, 5, 1]));
+    scene.solver.preconditioner = preconditioner;
+    (scene.time.integrator, scene.time.step) = (Integrator::ImplicitEuler, 5e-3);
+    (scene.solver.tolerance, scene.solver.newton) = (1e-2, false);
+    let before = resident().unwrap_or(f64::NAN);
+    let mut simulation = started(&scene);
+    simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+    (simulation.bodies[0].model.own_nodes(), resident().unwrap_or(f64::NAN) - before)
+}
+
+/// The name of the process of a row.
+const ROW: &str = "row";
+
 fn memory() {
     println!("\n| body | preconditioner | nodes | bytes per node | of hexahedra |");
     println!("|---|---|---|---|---|");
     let mut unit = 0.0;
-    for (kind, name) in KINDS {
-        for (preconditioner, word) in [(Preconditioner::Block, "block"), (Preconditioner::Multigrid, "multigrid")] {
-            let mut scene = block(kind, (100, [6, 5, 1]));
-            scene.solver.preconditioner = preconditioner;
-            (scene.time.integrator, scene.time.step) = (Integrator::ImplicitEuler, 5e-3);
-            (scene.solver.tolerance, scene.solver.newton) = (1e-2, false);
-            let Some(before) = resident() else { return };
-            let mut simulation = started(&scene);
-            simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
-            let nodes = simulation.bodies[0].model.own_nodes();
-            let each = (resident().unwrap_or(f64::NAN) - before) / nodes as f64;
-            if unit == 0.0 {
-                unit = each;
-            }
-            println!("| {name} | {word} | {nodes} | {each:.0} | {:.2} |", each / unit);
+    let this = std::env::current_exe().expect("a program");
+    for row in 0..2 * KINDS.len() {
+        let said =
+            std::process::Command::new(&this).args([ROW, &row.to_string()]).output().expect("a process of its own");
+        let said = String::from_utf8_lossy(&said.stdout);
+        let numbers: Vec<f64> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let [nodes, bytes] = numbers[..] else { panic!("{said}") };
+        if unit == 0.0 {
+            unit = bytes / nodes;
         }
+        let (name, word) = (KINDS[row / 2].1, PRECONDITIONERS[row % 2].1);
+        println!("| {name} | {word} | {nodes} | {:.0} | {:.2} |", bytes / nodes, bytes / nodes / unit);
     }
 }
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    if let [row, number] = &words[..]
+        && row == ROW
+    {
+        let (nodes, bytes) = added(number.parse().expect("a number"));
+        println!("{nodes} {bytes}");
+        return;
+    }
     let tables: [fn(); 4] = [to_one_per_cent, products, removals, memory];
     for (number, table) in tables.into_iter().enumerate() {
         if words.is_empty() || words.contains(&(number + 1).to_string()) {
