@@ -277,17 +277,18 @@ impl Model {
     }
 
     /// Points that a uniform load on a triangle acts at, with their shares: its corners, or of an embedded surface the middles of equal parts
-    /// that are less than a cell wide.
+    /// that are at most a third of a cell wide.
     fn spread(&self, rest: [V3<f64>; 3], corners: [MaterialPoint; 3]) -> Vec<(MaterialPoint, f64)> {
-        let [a, b, c] = rest;
-        let longest = [b - a, c - b, a - c].map(|edge| edge.dot(edge).sqrt()).into_iter().fold(0.0, f64::max);
-        let rows = match &self.grid.embedded {
-            Some(_) => (PARTS * longest / self.grid.edge[0].min(self.grid.edge[1])).ceil() as usize,
-            None => 0,
-        };
-        if rows == 0 {
+        if self.grid.embedded.is_none() {
             return corners.map(|corner| (corner, 1.0 / 3.0)).into();
         }
+        let [a, b, c] = rest;
+        // cells that it reaches over, along the axis along which these are most
+        let heights = self.grid.heights.windows(2).map(|ends| ends[1] - ends[0]);
+        let width = [self.grid.edge[0], self.grid.edge[1], heights.fold(f64::INFINITY, f64::min)];
+        let reach = |edge: V3<f64>| edge.f64().into_iter().zip(width).map(|(e, w)| e.abs() / w).fold(0.0, f64::max);
+        let cells = [b - a, c - b, a - c].map(reach).into_iter().fold(0.0, f64::max);
+        let rows = ((PARTS * cells).ceil() as usize).max(1);
         // parts turned like the triangle, and between them those turned the other way
         let lower = (0..rows).flat_map(|i| (0..rows - i).map(move |j| [i, j].map(|n| n as f64 + 1.0 / 3.0)));
         let upper = (1..rows).flat_map(|i| (0..rows - i).map(move |j| [i as f64 - 1.0 / 3.0, j as f64 + 2.0 / 3.0]));
@@ -312,7 +313,7 @@ impl Model {
         lower.chain(upper).map(|at| (point(at), share)).collect()
     }
 
-    /// Nodes that follower pressures act on at a time, each once, in ascending order.
+    /// Nodes that give the shape that follower pressures act on at a time, each once, in ascending order.
     pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
         let followed = || self.acting(loads, time).filter(|load| load.follows());
         if let Some(outside) = self.outside() {

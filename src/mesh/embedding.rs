@@ -7,15 +7,12 @@ use crate::kernels::{Params, corner};
 use crate::scene::{ClosedSurface, Group, Skin};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Share of a cell below which it is gone. Its mass is lost: at most this share of a cut cell.
 const GONE: f64 = 1e-4;
-/// Longest edge of the surface's triangles, longest edges of cells: forces act at their corners and the middles of their edges, and larger ones would
-/// leave cells between them unloaded.
-const LONGEST: f64 = 1.5;
-
 /// What is inside of a row of cells along x, at all levels.
 #[derive(Clone, Default)]
 struct Inside {
@@ -37,8 +34,10 @@ impl Embedded {
     pub(super) fn new(grid: &Grid, skin: &Skin, surface: &Arc<ClosedSurface>) -> Self {
         let params = grid.params::<f64>();
         let (share, mass) = inside(grid, skin, surface);
-        let widest = grid.layer_of.iter().flat_map(|layer| grid.cell_edges(*layer)).fold(0.0, f64::max);
-        let fine = surface.refined(LONGEST * widest);
+        let fine = match surface.in_cells(skin.size, skin.cells) {
+            Cow::Borrowed(_) => surface.clone(),
+            Cow::Owned(fine) => Arc::new(fine),
+        };
         let mut out = Self {
             surface: fine.clone(),
             share,

@@ -113,6 +113,11 @@ impl Surface {
         self.tetrahedra.as_ref().map_or_else(|| self.parts.in_use(node), |of| of.in_use(node))
     }
 
+    /// True if space was carved out of it.
+    pub fn has_pit(&self) -> bool {
+        !self.pit.is_empty()
+    }
+
     /// Share of a present cell that tools have left, 1 for a whole one.
     pub fn share(&self, cell: usize) -> f64 {
         self.pit.share(cell)

@@ -438,8 +438,9 @@ impl TetrahedralParts {
     /// Removes tetrahedra.
     pub fn remove(&mut self, gone: &[u32]) {
         self.prepare();
-        gone.iter().for_each(|e| self.present[*e as usize] = false);
-        self.uncover(gone);
+        let mut new = gone.to_vec();
+        new.retain(|e| std::mem::replace(&mut self.present[*e as usize], false));
+        self.uncover(&new);
     }
 
     /// Removes tetrahedra, then what they leave that hangs by an edge or a node, and pieces of fewer than [`FRAGMENT`]; returns all that
@@ -460,7 +461,7 @@ impl TetrahedralParts {
         out
     }
 
-    /// Has the outside follow the removal of tetrahedra, in time in proportion to them.
+    /// Has the outside follow the removal of tetrahedra, in time in proportion to them, but for the first removal after the start or a cut.
     fn uncover(&mut self, gone: &[u32]) {
         if gone.is_empty() {
             return;

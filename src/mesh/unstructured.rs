@@ -5,7 +5,7 @@
 //! tetrahedron is always its own too. They divide the body as the columns of cells below their faces divide a grid, so a point that has sunk
 //! into the body is behind a triangle.
 //!
-//! Where tetrahedra are removed, the triangles that come to light are added in time in proportion to the removed ones. Each gets the box of the
+//! Where tetrahedra are removed, the triangles that come to light are added in time in proportion to the removed ones, once all are numbered. Each gets the box of the
 //! triangle that the removed tetrahedron was behind, as of when all were found: what was behind that one, along tetrahedra that were
 //! too, is still in the box of a triangle, that of the last removed tetrahedron on its way.
 

@@ -16,7 +16,10 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
-use std::sync::Arc;
+
+/// Longest edge of the triangles of an embedded surface, widths of cells: forces act at their corners and the middles of their edges, and
+/// larger ones would leave cells between them untouched.
+const LONGEST: f64 = 1.5;
 
 /// Triangles that enclose a body: closed, of one orientation, of positive volume. Its points are those of the triangles alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,8 +151,8 @@ impl ClosedSurface {
 
     /// The surface with no edge longer than `longest`, m: longer ones are halved, in both of their triangles, until there is none. A middle is of
     /// the groups that both ends are of.
-    pub fn refined(self: &Arc<Self>, longest: f64) -> Arc<Self> {
-        let mut out = Cow::Borrowed(&**self);
+    pub fn refined(&self, longest: f64) -> Cow<'_, Self> {
+        let mut out = Cow::Borrowed(self);
         loop {
             let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
             let at = |id: u32| DVec3::from_array(out.points[id as usize]);
@@ -162,10 +165,7 @@ impl ClosedSurface {
                 }
             }
             if middles.is_empty() {
-                return match out {
-                    Cow::Borrowed(_) => self.clone(),
-                    Cow::Owned(out) => Arc::new(out),
-                };
+                return out;
             }
             let out = out.to_mut();
             out.points.extend(points);
@@ -176,6 +176,11 @@ impl ClosedSurface {
                 *group = Group::new(group.name().to_string(), group.nodes().iter().copied().chain(between).collect());
             }
         }
+    }
+
+    /// The surface as it is embedded in a grid of this extent, m, and so many cells along x and y.
+    pub fn in_cells(&self, size: [f64; 2], cells: [u32; 2]) -> Cow<'_, Self> {
+        self.refined(LONGEST * [0, 1].map(|n| size[n] / f64::from(cells[n])).into_iter().fold(0.0, f64::max))
     }
 
     /// `[point]` rest position in the body's frame, m.
@@ -207,14 +212,19 @@ impl ClosedSurface {
     pub fn point_is_in(&self, point: usize, region: &Region) -> bool {
         let [x, y, thickness] = self.size;
         match region {
-            Region::Group(group) => group.holds(point),
+            // by its name, since halved edges have added points
+            Region::Group(group) => self.groups.iter().any(|own| own.name() == group.name() && own.holds(point)),
             _ => region.holds(self.points[point], [x, y], thickness),
         }
     }
 
-    /// True if a region holds the corners of a triangle.
-    pub(super) fn has_triangle_in(&self, region: &Region) -> bool {
-        self.triangles.iter().any(|corners| corners.iter().all(|id| self.point_is_in(*id as usize, region)))
+    /// True if a region holds the corners of a triangle, as halved in a grid of this extent, m, and so many cells along x and y.
+    pub(super) fn has_triangle_in(&self, region: &Region, size: [f64; 2], cells: [u32; 2]) -> bool {
+        let holds = |of: &Self| {
+            of.triangles.iter().any(|corners| corners.iter().all(|id| of.point_is_in(*id as usize, region)))
+        };
+        // whole ones first, which is soon done on any grid
+        holds(self) || holds(&self.in_cells(size, cells))
     }
 
     /// First part of a body that does not fit its surface: the part, what was found, what has to be.
@@ -304,4 +314,37 @@ pub(super) fn fits(scene: &Scene) -> Result<()> {
         return refuse(file, format!("the probe {} of pressure", probe.name), fix);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halved_triangles_are_of_the_regions_and_groups_that_the_whole_ones_are_of() {
+        // a plate of 8 × 6 × 1 mm of twelve triangles, its upper corners a group
+        let corner = |k: u32| [8e-3 * f64::from(k & 1), 6e-3 * f64::from(k >> 1 & 1), 1e-3 * f64::from(k >> 2)];
+        let points = (0..8).map(corner).collect();
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+        let top = Group::new("top".into(), vec![4, 5, 6, 7]);
+        let plate = ClosedSurface::with_groups(points, triangles, vec![top.clone()]).unwrap_or_else(|e| panic!("{e}"));
+        let fine = plate.in_cells([8e-3, 6e-3], [8, 6]);
+        let area = |surface: &ClosedSurface, region: &Region| {
+            let at = |id: u32| DVec3::from_array(surface.points[id as usize]);
+            let inside = |corners: &&[u32; 3]| corners.iter().all(|id| surface.point_is_in(*id as usize, region));
+            let own = |[a, b, c]: &[u32; 3]| 0.5 * (at(*b) - at(*a)).cross(at(*c) - at(*a)).length();
+            surface.triangles.iter().filter(inside).map(own).sum::<f64>()
+        };
+        let group = Region::Group(top);
+        for surface in [&plate, &*fine] {
+            assert!((area(surface, &group) / 48e-6 - 1.0).abs() < 1e-12, "{} triangles", surface.triangles.len());
+        }
+        assert!(fine.triangles.len() > 100);
+        // a part that has no whole triangle of the file
+        let middle = Region::Sphere { centre: [0.0, 0.0, 1e-3], radius: 2.5e-3 };
+        assert!(area(&plate, &middle) == 0.0 && area(&fine, &middle) > 4e-6, "{:e}", area(&fine, &middle));
+        assert!(plate.has_triangle_in(&middle, [8e-3, 6e-3], [8, 6]));
+        assert!(!plate.has_triangle_in(&middle, [8e-3, 6e-3], [1, 1]));
+    }
 }

@@ -167,7 +167,7 @@ impl Grid<'_> {
     /// True if the region contains the four corners of a face of the surface.
     pub fn holds_face(&self, region: &Region) -> bool {
         if let Some(surface) = self.surface {
-            return surface.has_triangle_in(region);
+            return surface.has_triangle_in(region, self.size, self.cells);
         }
         if let Some(mesh) = self.mesh {
             return mesh.outside().iter().any(|face| face.iter().all(|node| mesh.node_is_in(*node as usize, region)));

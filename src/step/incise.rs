@@ -21,7 +21,7 @@ use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::mesh::{Carved, Face};
+use crate::mesh::{Carved, Face, MaterialPoint};
 use crate::scene::BodyId;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -97,12 +97,16 @@ impl Simulation {
             if !carve.whole_cells || !self.scene.skins[number].can_be_carved() {
                 continue;
             }
-            // the face that the contact is on, and what presses on it; where space was carved, contacts are on the nodes of cells
+            // the face that the contact is on, and what presses on it; out of a pit contacts are on the nodes of cells
             let located = &self.bodies[number].located;
-            let holds = |face: &&Face| found.points[1].nodes().all(|node| face.nodes.contains(&node));
-            let cell = || located.patches[tool].as_ref().map(|patch| patch.at_rest(foot(found), |_| DVec3::ZERO).1);
-            let beside = || cell().and_then(|cell| located.faces[tool].iter().find(|face| face.cell == cell));
-            let Some(face) = located.faces[tool].iter().find(holds).or_else(beside) else { continue };
+            let of = |point: &MaterialPoint| {
+                let holds = |face: &&Face| point.nodes().all(|node| face.nodes.contains(&node));
+                located.faces[tool].iter().find(holds)
+            };
+            let nearest = || located.patches[tool].as_ref().map(|patch| patch.nearest(foot(found)).0);
+            let in_pit = self.bodies[number].wound.surface.has_pit();
+            let face = if in_pit { nearest().and_then(|point| of(&point)) } else { of(&found.points[1]) };
+            let Some(face) = face else { continue };
             let area = self.bodies[number].area_of(face);
             let gap = found.gap[0] + found.axes[0].dot(contact.slips[k]);
             if gap <= carve.distance && contact.forces[k][0] >= carve.pressure * area {
