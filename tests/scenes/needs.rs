@@ -117,7 +117,9 @@ fn bytes_of_arrays(model: &Model) -> usize {
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
     let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
     let mesh = model.grid.unstructured.as_ref().map_or(0, |of| {
-        let (mesh, outside) = (&of.mesh, size_of_val(&of.outside.faces[..]) + size_of_val(&of.outside.behind[..]));
+        // triangles, their boxes twice, and which of them each tetrahedron is in
+        let (mesh, boxes) = (&of.mesh, 2 * size_of_val(&of.outside.behind[..]));
+        let outside = size_of_val(&of.outside.faces[..]) + boxes + 4 * mesh.tetrahedra().len();
         let file = size_of_val(mesh.nodes()) + size_of_val(mesh.tetrahedra()) + size_of_val(mesh.layers());
         file + outside + size_of_val(&of.around[..]) + of.links.bytes()
     });
