@@ -30,9 +30,6 @@ use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans};
 /// Parts of a loaded triangle of an embedded surface per width of a cell, along each of its edges.
 const PARTS: f64 = 3.0;
 
-/// Corner of a cell opposite to its first.
-const OPPOSITE: usize = 6;
-
 /// Face of the surface with its loaded parts. Its corners are in the order `00, 10, 01, 11` of its two axes.
 struct Face {
     /// Cell behind it.
@@ -252,22 +249,21 @@ impl Model {
             .sum();
         for [own, now] in self.triangles(outside, &load.region, corners) {
             let rest = at_rest(own);
-            let points = now.map(|id| self.on_nodes(MaterialPoint::node(id)));
             let own = 0.5 * area_twice(rest).length();
             let force = match load.kind {
                 LoadKind::Pressure { pressure, follower } => {
-                    let of = |point: &MaterialPoint| -> V3<f64> {
-                        let each = point.0.iter().map(|(node, w)| V3::of(displacement(*node as usize)) * *w);
-                        each.fold(V3::zero(), |sum, own| sum + own)
+                    let moved = |k: usize| {
+                        let nodes = self.on_nodes(MaterialPoint::node(now[k])).0;
+                        let each = nodes.iter().map(|(node, w)| V3::of(displacement(*node as usize)) * *w);
+                        rest[k] + each.fold(V3::zero(), |sum, own| sum + own)
                     };
-                    let moved = [0, 1, 2].map(|k| rest[k] + of(&points[k]));
-                    area_twice(if follower { moved } else { rest }) * (-0.5 * pressure)
+                    area_twice(if follower { [0, 1, 2].map(moved) } else { rest }) * (-0.5 * pressure)
                 }
                 LoadKind::Traction(traction) => V3::of(traction) * own,
                 LoadKind::Force(force) => V3::of(force) * (own / area),
                 LoadKind::PointForce { .. } => V3::zero(), // acts at its point
             };
-            for (point, share) in self.spread(rest, points) {
+            for (point, share) in self.spread(rest, now) {
                 let part = (force * share).f64();
                 for (node, weight) in point.0 {
                     (0..3).for_each(|n| out[node as usize][n] += part[n] * weight);
@@ -278,9 +274,9 @@ impl Model {
 
     /// Points that a uniform load on a triangle acts at, with their shares: its corners, or of an embedded surface the middles of equal parts
     /// that are at most a third of a cell wide.
-    fn spread(&self, rest: [V3<f64>; 3], corners: [MaterialPoint; 3]) -> Vec<(MaterialPoint, f64)> {
+    fn spread(&self, rest: [V3<f64>; 3], corners: [u32; 3]) -> Vec<(MaterialPoint, f64)> {
         if self.grid.embedded.is_none() {
-            return corners.map(|corner| (corner, 1.0 / 3.0)).into();
+            return corners.map(|corner| (MaterialPoint::node(corner), 1.0 / 3.0)).into();
         }
         let [a, b, c] = rest;
         // cells that it reaches over, along the axis along which these are most
@@ -297,18 +293,15 @@ impl Model {
         let point = |[p, q]: [f64; 2]| {
             let [p, q] = [p, q].map(|n| n / rows as f64);
             let at = (a + (b - a) * p + (c - a) * q).f64();
-            if let Some((cell, _)) = self.grid.present_at(at) {
-                let nodes = params.corners(cell);
+            match self.grid.present_at(at) {
                 // not rounded to a node nearby, so that moments are exact
-                let [low, high] = [nodes[0], nodes[OPPOSITE]].map(|node| self.grid.rest(node));
-                let natural = [0, 1, 2].map(|n| (at[n] - low[n]) / (high[n] - low[n]));
-                return MaterialPoint::of(nodes.map(|id| id as u32), trilinear(natural));
+                Some((cell, _)) => {
+                    let natural = self.grid.natural_in(&params, cell, at);
+                    MaterialPoint::of(params.corners(cell).map(|id| id as u32), trilinear(natural))
+                }
+                // where there is no cell, with the corners
+                None => self.on_nodes(MaterialPoint::of(corners, [1.0 - p - q, p, q])),
             }
-            // where there is no cell, with the corners
-            let weighted = |(corner, w): (&MaterialPoint, f64)| {
-                corner.0.iter().map(|(node, own)| (*node, own * w)).collect::<Vec<_>>()
-            };
-            MaterialPoint(corners.iter().zip([1.0 - p - q, p, q]).flat_map(weighted).collect())
         };
         lower.chain(upper).map(|at| (point(at), share)).collect()
     }

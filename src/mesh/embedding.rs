@@ -2,6 +2,7 @@
 
 use super::embedded::{Embedded, Misfit};
 use super::point::trilinear;
+use super::unstructured::{Extent, extend};
 use super::{Face, Grid};
 use crate::kernels::{Params, corner};
 use crate::scene::{ClosedSurface, Group, Skin};
@@ -105,8 +106,7 @@ impl Embedded {
             if self.share[cell] == 0.0 {
                 continue;
             }
-            let (low, high) = cell_box(grid, params, cell);
-            let natural = [0, 1, 2].map(|n| (at[n] - low[n]) / (high[n] - low[n]));
+            let natural = grid.natural_in(params, cell, at);
             let far = natural.iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
             if far < best.0 {
                 best = (far, (cell, natural));
@@ -175,22 +175,13 @@ impl Embedded {
             };
             [bound(f64::min), bound(f64::max)]
         };
-        let mut boxes: Vec<[[f64; 3]; 2]> = triangles.iter().map(around).collect();
+        let mut boxes: Vec<Extent> = triangles.iter().map(around).collect();
         for (cell, owner) in owner.iter().enumerate() {
             let Some(owner) = owner else { continue };
-            let ((low, high), [own_low, own_high]) = (cell_box(grid, params, cell), &mut boxes[*owner]);
-            for n in 0..3 {
-                (own_low[n], own_high[n]) = (own_low[n].min(low[n]), own_high[n].max(high[n]));
-            }
+            grid.cell_box(params, cell).into_iter().for_each(|x| extend(&mut boxes[*owner], x));
         }
         boxes
     }
-}
-
-/// Lowest and highest corner of a cell at rest, m.
-fn cell_box(grid: &Grid, params: &Params<f64>, cell: usize) -> ([f64; 3], [f64; 3]) {
-    let corners = params.corners(cell);
-    (grid.rest(corners[0]), grid.rest(corners[6]))
 }
 
 /// Number of separate bodies that a surface encloses: its connected parts of positive volume; those of negative volume are cavities.

@@ -115,6 +115,18 @@ impl Grid {
         first.map_or([0.0; 3], |k| [self.edge[0], self.edge[1], self.heights[k + 1] - self.heights[k]])
     }
 
+    /// Lowest and highest corner of a cell at rest, m.
+    pub fn cell_box(&self, params: &Params<f64>, cell: usize) -> [[f64; 3]; 2] {
+        let corners = params.corners(cell);
+        [corners[0], corners[6]].map(|node| self.rest(node))
+    }
+
+    /// Natural coordinates of a rest position in a cell, 0 to 1 along each axis; beyond where it lies beside the cell.
+    pub fn natural_in(&self, params: &Params<f64>, cell: usize, at: [f64; 3]) -> [f64; 3] {
+        let [low, high] = self.cell_box(params, cell);
+        [0, 1, 2].map(|n| (at[n] - low[n]) / (high[n] - low[n]))
+    }
+
     /// Kernel parameters with the sizes set; everything else is zero.
     pub fn params<R: crate::math::Real>(&self) -> Params<R> {
         let [nodes_x, nodes_y, nodes_z] = self.nodes.map(|n| n as u32);
