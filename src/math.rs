@@ -413,6 +413,22 @@ pub fn quaternion_product<R: Real>(a: V4<R>, b: V4<R>) -> V4<R> {
     (v * a[3] + u * b[3] + u.cross(v)).pad(a[3] * b[3] - u.dot(v))
 }
 
+/// Solution of a positive definite system, by elimination.
+pub fn solve_definite<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> [f64; N] {
+    for k in 0..N {
+        for row in k + 1..N {
+            let factor = matrix[row][k] / matrix[k][k];
+            (k..N).for_each(|l| matrix[row][l] -= factor * matrix[k][l]);
+            right[row] -= factor * right[k];
+        }
+    }
+    for k in (0..N).rev() {
+        let known: f64 = (k + 1..N).map(|l| matrix[k][l] * right[l]).sum();
+        right[k] = (right[k] - known) / matrix[k][k];
+    }
+    right
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

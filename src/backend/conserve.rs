@@ -22,7 +22,7 @@ use crate::bodies::Model;
 use crate::bodies::grid::Hyperelastic;
 use crate::error::Result;
 use crate::kernels::Params;
-use crate::math::V4;
+use crate::math::{V4, solve_definite};
 use crate::scene::Integrator;
 
 /// Weight of held axes beside the mass of the body: what a rigid motion moves them by, relative to the others.
@@ -123,7 +123,7 @@ impl Conserved {
                     (self.mode(node, axis, &middle), self.step * self.free[node][axis] * force[node][axis]);
                 (0..6).for_each(|k| momentum[k] += push * mode[k]);
             }
-            let back = eliminate(self.inertia(&u), momentum);
+            let back = solve_definite(self.inertia(&u), momentum);
             for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
                 let (before, free) = (v[node][axis], self.free[node]);
                 v[node][axis] += free[axis] * dot(&back, &self.mode(node, axis, &u));
@@ -180,7 +180,7 @@ impl Conserved {
             let (mode, free) = (self.mode(node, axis, u), self.free[node]);
             (0..6).for_each(|k| momentum[k] += free[axis] * free[3] * mode[k] * v[node][axis]);
         }
-        eliminate(self.inertia(u), momentum)
+        solve_definite(self.inertia(u), momentum)
     }
 
     /// Inertia of the six rigid motions; held nodes resist them.
@@ -198,20 +198,4 @@ impl Conserved {
 
 fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Solution of a positive definite system, by elimination.
-fn eliminate(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> [f64; 6] {
-    for k in 0..6 {
-        for row in k + 1..6 {
-            let factor = matrix[row][k] / matrix[k][k];
-            (k..6).for_each(|l| matrix[row][l] -= factor * matrix[k][l]);
-            right[row] -= factor * right[k];
-        }
-    }
-    for k in (0..6).rev() {
-        let known: f64 = (k + 1..6).map(|l| matrix[k][l] * right[l]).sum();
-        right[k] = (right[k] - known) / matrix[k][k];
-    }
-    right
 }

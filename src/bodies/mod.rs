@@ -272,12 +272,12 @@ impl Model {
     ///
     /// # Errors
     /// [`Refused`] for more layers than a uniform binding holds, more nodes than 32-bit indices reach, multigrid or the direct solver on
-    /// springs, the direct solver where a cut may duplicate nodes, or rest-shape springs on a consistent mass.
+    /// springs, the direct solver where a cut may duplicate nodes, rest-shape springs on a consistent mass, or springs that cannot be fitted.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let mut model = Self::without_arrays(scene, body)?;
         let skin = &scene.skins[body];
         if let (Kind::Springs(springs), Law::Springs { stiffness, damping }) = (&mut model.kind, skin.law) {
-            **springs = Springs::of(&model.grid, &skin.layers, stiffness, damping);
+            **springs = Springs::of(&model.grid, &skin.layers, stiffness, damping)?;
         }
         let count = model.own_nodes();
         let rest = |node| [0, 1, 2].map(|a| model.grid.rest(node)[a] + skin.position[a]);

@@ -49,6 +49,16 @@ pub enum Refused {
         fix: &'static str,
     },
 
+    /// Springs that cannot be fitted to Young's modulus.
+    #[error(
+        "the springs of the layer `{layer}` cannot be fitted to its young_kpa: under an even load they come to no rest; give spring_stiffness_n_m, \
+         or mend the mesh (`cutis mesh FILE`)"
+    )]
+    SpringFit {
+        /// Its name.
+        layer: String,
+    },
+
     /// A probe of a strain in a mesh of springs.
     #[error(
         "the probe `{name}` asks for the strain at a point of a mesh of springs; probe displacements or forces, or save the strain of all \
@@ -184,6 +194,7 @@ impl Refused {
             | Self::Nodes { .. }
             | Self::AnchoredMass
             | Self::SpringProbe { .. }
+            | Self::SpringFit { .. }
             | Self::EmbeddedThin { .. }
             | Self::EmbeddedApart { .. }
             | Self::EmbeddedRegion { .. }

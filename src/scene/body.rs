@@ -222,15 +222,22 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
     };
     let network = || {
-        let why = "law = \"springs\" asks for it";
-        Ok(Law::Springs {
-            stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
-            damping: scene.required("spring_damping_n_s_m", damping, table.clone(), why)?,
-        })
+        let damping =
+            scene.required("spring_damping_n_s_m", damping, table.clone(), "law = \"springs\" asks for it")?;
+        if raw.mesh.is_none() {
+            let why = "only springs along the edges of a `mesh` are fitted to young_kpa";
+            scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?;
+        }
+        Ok(Law::Springs { stiffness, damping })
     };
+    if or(raw.law.clone(), String::new()).get_ref() != "springs" {
+        let why = "it belongs to law = \"springs\"";
+        scene.needless("spring_stiffness_n_m", &raw.spring_stiffness_n_m, why)?;
+        scene.needless("spring_damping_n_s_m", &raw.spring_damping_n_s_m, why)?;
+    }
     if raw.mesh.is_some() && raw.embed.is_none() {
         let element = element("tetra", &TETRAHEDRA)?;
-        let of_springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
+        let of_springs = Law::Springs { stiffness: None, damping: 0.0 };
         let name = or(raw.law.clone(), "neo_hookean".to_string());
         let known = [&hyperelastic::laws_of_tetrahedra(element)[..], &[("springs", of_springs)]].concat();
         let law = scene.choice("law", &name, &known)?;
@@ -369,17 +376,11 @@ fn layer(
     form: &Form,
 ) -> Result<Layer> {
     let (at, raw) = (table.span.clone(), table.keys);
-    let constants = match law {
-        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
-        Law::Hyperelastic(material) | Law::LargeTetra { material, .. } => {
-            hyperelastic::constants(scene, &raw, *material, table.span)?
-        }
-        Law::Springs { .. } => {
-            let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
-            scene.needless("pre_strain", &raw.pre_strain, why)?;
-            hyperelastic::linear(scene, &raw, table.span, true)?
-        }
-    };
+    if matches!(law, Law::Springs { .. }) {
+        let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
+        scene.needless("pre_strain", &raw.pre_strain, why)?;
+    }
+    let constants = hyperelastic::constants(scene, &raw, law, table.span)?;
     let fibres = hyperelastic::fibres(scene, &raw, law)?;
     let (thickness, cells) = if let Form::Tetrahedra = form {
         (0.0, 0)

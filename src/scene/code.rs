@@ -378,14 +378,21 @@ impl Scene {
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
             let strained = layer.pre_strain != [0.0; 2] && matches!(skin.law, Law::Springs { .. });
             part.of("pre_strain").that(!strained, "not 0", "0 of springs")?;
-            if !matches!(skin.law, Law::Springs { .. }) {
+            if !matches!(skin.law, Law::Springs { stiffness: Some(_), .. }) {
                 part.positive("young", &[layer.young])?;
+            }
+            if !matches!(skin.law, Law::Springs { .. }) {
                 part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
             }
             layer.odd_constant().map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
         }
         if let Law::Springs { stiffness, damping } = skin.law {
-            part.of("law").positive("stiffness", &[stiffness])?;
+            part.of("law").that(
+                stiffness.is_some() || skin.mesh.is_some(),
+                "springs to fit",
+                "a stiffness without a mesh",
+            )?;
+            part.of("law").positive("stiffness", stiffness.as_slice())?;
             part.of("law").not_negative("damping", &[damping])?;
         }
         match skin.start {

@@ -77,21 +77,24 @@ pub(super) struct Constants {
 }
 
 /// Young's modulus and Poisson's ratio of a layer.
-pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, springs: bool) -> Result<Constants> {
+fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, law: &Law) -> Result<Constants> {
     let why = "it belongs to law = \"mooney_rivlin\"";
     for (key, value) in [("c10_kpa", &raw.c10_kpa), ("c01_kpa", &raw.c01_kpa), ("bulk_kpa", &raw.bulk_kpa)] {
         scene.needless(key, value, why)?;
     }
-    let why = "this law asks for it in each layer";
+    let why = match law {
+        Law::Springs { .. } => "springs without spring_stiffness_n_m are fitted to it",
+        _ => "this law asks for it in each layer",
+    };
     let young = match &raw.young_kpa {
-        None if springs => 0.0,
+        None if matches!(law, Law::Springs { stiffness: Some(_), .. }) => 0.0,
         value => {
             let value = scene.required("young_kpa", value.clone(), table.clone(), why)?;
             scene.number("young_kpa", &value, KPA, Bound::Positive)?
         }
     };
     let poisson = match &raw.poisson {
-        None if springs => 0.0,
+        None if matches!(law, Law::Springs { .. }) => 0.0,
         value => {
             let value = scene.required("poisson", value.clone(), table, why)?;
             let ratio = *value.get_ref();
@@ -104,16 +107,10 @@ pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, s
     Ok(Constants { young, poisson, second_share: 0.0 })
 }
 
-/// Constants of a layer with a hyperelastic law.
-pub(super) fn constants(
-    scene: &SceneText,
-    raw: &raw::Layer,
-    material: Material,
-    table: Range<usize>,
-) -> Result<Constants> {
-    match material {
-        Material::NeoHookean | Material::Holzapfel => linear(scene, raw, table, false),
-        Material::MooneyRivlin => {
+/// Constants of a layer.
+pub(super) fn constants(scene: &SceneText, raw: &raw::Layer, law: &Law, table: Range<usize>) -> Result<Constants> {
+    match law {
+        Law::Hyperelastic(Material::MooneyRivlin) | Law::LargeTetra { material: Material::MooneyRivlin, .. } => {
             let why = "law = \"mooney_rivlin\" has c10_kpa, c01_kpa and bulk_kpa in its place";
             scene.needless("young_kpa", &raw.young_kpa, why)?;
             scene.needless("poisson", &raw.poisson, why)?;
@@ -130,7 +127,7 @@ pub(super) fn constants(
             if !(0.0..=MOST_POISSON).contains(&poisson) {
                 return Err(Invalid::LawUnfit {
                     at: scene.location(at),
-                    law: word(&MATERIALS, material),
+                    law: word(&MATERIALS, Material::MooneyRivlin),
                     why: "has a bulk modulus that makes its ratio of Poisson less than 0 or more than 0.4999",
                     fix: "take bulk_kpa between 1.4 and 9999 times c10_kpa + c01_kpa",
                 });
@@ -138,6 +135,7 @@ pub(super) fn constants(
             let young = 9.0 * bulk * shear / (3.0 * bulk + shear);
             Ok(Constants { young, poisson, second_share: c01 / (c10 + c01) })
         }
+        _ => linear(scene, raw, table, law),
     }
 }
 
@@ -197,7 +195,7 @@ pub(super) fn laws_of_tetrahedra(element: Element) -> [(&'static str, Law); 4] {
 
 /// All laws by name; those of small strain with the given element.
 pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
-    let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
+    let springs = Law::Springs { stiffness: None, damping: 0.0 };
     let of = |corotational| Law::Fem { element, corotational };
     let hyperelastic = MATERIALS.map(|(word, material)| (word, Law::Hyperelastic(material)));
     let others = [("corotational", of(true)), ("linear", of(false)), ("springs", springs)];

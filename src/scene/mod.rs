@@ -369,7 +369,7 @@ pub struct Layer {
     pub thickness: f64,
     /// Cells over the thickness; 0 of a mesh.
     pub cells: u32,
-    /// Pa; unused by the spring law.
+    /// Pa; of springs only where they are fitted to it.
     pub young: f64,
     /// 0 ≤ ν < 0.5; unused by the spring law.
     pub poisson: f64,
@@ -410,8 +410,8 @@ pub enum Law {
     },
     /// Springs between all pairs of nodes of a cell, or along the edges of a mesh, as in SOFA's MeshSpringForceField.
     Springs {
-        /// N/m
-        stiffness: f64,
+        /// Of each, N/m; `None`, of a mesh: such that it has its layers' Young's moduli.
+        stiffness: Option<f64>,
         /// N·s/m
         damping: f64,
     },

@@ -68,7 +68,7 @@ impl Settings {
         }
         for skin in &mut scene.skins {
             skin.layers.iter_mut().for_each(|layer| layer.young *= self.stiffness);
-            if let Law::Springs { stiffness, .. } = &mut skin.law {
+            if let Law::Springs { stiffness: Some(stiffness), .. } = &mut skin.law {
                 *stiffness *= self.stiffness;
             }
         }

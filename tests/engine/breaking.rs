@@ -12,7 +12,7 @@ const CELLS: u32 = 3;
 fn lifted(by: f64, limit: f64) -> Scene {
     let mut scene = block([6e-3; 2], [CELLS; 2], &[(2, 2e-3, 1e5, 0.3, 1000.0), (2, 2e-3, 1e5, 0.3, 1000.0)]);
     let skin = &mut scene.skins[0];
-    skin.law = Law::Springs { stiffness: 100.0, damping: 0.1 };
+    skin.law = Law::Springs { stiffness: Some(100.0), damping: 0.1 };
     skin.layers[0].break_strain = limit;
     skin.rayleigh_mass = 1.0;
     let top = Boundary { displacement: [0.0, 0.0, by], ..held(Region::Top, [true; 3]) };

@@ -12,6 +12,7 @@ mod cut;
 mod embedded;
 mod energy;
 mod features;
+mod fitted;
 mod halves;
 mod incision;
 mod lips;

@@ -147,7 +147,8 @@ fn what_a_network_does_not_have_is_refused_with_words() {
         assert!(wanted.iter().all(|word| words.contains(word)), "{words:?}, wanted {wanted:?}");
     };
     refused(text().replace("spring_damping_n_s_m = 1.0\n", ""), &["spring_damping_n_s_m", "law = \"springs\""]);
-    refused(text().replace("spring_stiffness_n_m = 100.0\n", ""), &["spring_stiffness_n_m", "law = \"springs\""]);
+    refused(text().replace("spring_stiffness_n_m = 100.0\n", ""), &["young_kpa", "spring_stiffness_n_m"]);
+    refused(text().replace("\"springs\"", "\"neo_hookean\""), &["spring_stiffness_n_m", "law = \"springs\""]);
     refused(
         text().replace("law = \"springs\"", "law = \"springs\"\nelement = \"tetra\""),
         &["element", "edges of the mesh"],

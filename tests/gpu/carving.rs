@@ -163,7 +163,7 @@ fn another_share_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
 fn breaking_alike(gpu: &Gpu) -> Result<(), Failure> {
     let mut scene = block([6e-3; 2], [3, 3], &[(2, 2e-3, 1e5, 0.3, 1000.0), (2, 2e-3, 1e5, 0.3, 1000.0)]);
     let skin = &mut scene.skins[0];
-    skin.law = Law::Springs { stiffness: 100.0, damping: 0.1 };
+    skin.law = Law::Springs { stiffness: Some(100.0), damping: 0.1 };
     skin.layers[0].break_strain = 0.05;
     let top = Boundary { displacement: [0.0, 0.0, 0.3e-3], ..held(Region::Top, [true; 3]) };
     scene.boundaries = vec![held(Region::Bottom, [true; 3]), top];

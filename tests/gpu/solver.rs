@@ -63,7 +63,7 @@ const PRECONDITIONERS: [(&str, Preconditioner); 5] = [
     ("multigrid", Multigrid),
 ];
 const FEM: Law = Law::Fem { element: Element::Bbar, corotational: true };
-const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.02 };
+const SPRINGS: Law = Law::Springs { stiffness: Some(30.0), damping: 0.02 };
 const TETRAHEDRA: Law = Law::Fem { element: Element::Tetra, corotational: true };
 const SMALL_STRAINS: Law = Law::Fem { element: Element::Tetra, corotational: false };
 const PLAIN: Law = Law::Fem { element: Element::PlainTetra, corotational: true };

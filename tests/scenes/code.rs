@@ -89,7 +89,7 @@ fn blade(scene: &mut Scene) -> &mut Blade {
 
 #[test]
 fn what_cannot_run_is_refused_with_words() {
-    let springs = Law::Springs { stiffness: f64::NAN, damping: 0.0 };
+    let springs = Law::Springs { stiffness: Some(f64::NAN), damping: 0.0 };
     let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
     let strain = |component| ProbeKind::Strain { body: 0, point: [0.0; 3], component };
     let stress = |body| ProbeKind::Stress { body, point: [0.0; 3], component: Component::VonMises };

@@ -482,7 +482,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
         ),
         (
             "springs",
-            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: 1.0, damping: 0.0 }),
+            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: Some(1.0), damping: 0.0 }),
             bare(),
             &[
                 "1 array state: first",
@@ -498,7 +498,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
         (
             "hexahedra",
             bare(),
-            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: 1.0, damping: 0.0 }),
+            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: Some(1.0), damping: 0.0 }),
             &[
                 "1 array state: layer_of",
                 "1 array state: modes",

@@ -537,7 +537,7 @@ const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\ns
 fn absent_tables_have_defaults() {
     let scene = parsed(SMALL).expect("SMALL is valid");
     assert_eq!(scene.skins[0].layers[0].young, 0.0, "unused by springs");
-    assert!(matches!(scene.skins[0].law, Law::Springs { stiffness: 5.0, damping: 0.0 }));
+    assert!(matches!(scene.skins[0].law, Law::Springs { stiffness: Some(5.0), damping: 0.0 }));
     assert_eq!(scene.time.gravity, [0.0, 0.0, -9.81]);
     assert_eq!(scene.solver.preconditioner, Preconditioner::Column);
     assert!(scene.contact.is_none() && scene.tools.is_empty() && scene.test.is_none());

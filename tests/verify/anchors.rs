@@ -32,7 +32,7 @@ pub const CASES: &[Case] = &[
 
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
-const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.1 };
+const SPRINGS: Law = Law::Springs { stiffness: Some(30.0), damping: 0.1 };
 
 fn anchored(law: Law, region: Region, stiffness: f64) -> Scene {
     let mut scene = block(Bbar, true);
@@ -109,7 +109,7 @@ fn pressed(platform: &Platform, mut scene: Scene) -> (Body, V4<f64>) {
 }
 
 fn balance(platform: &Platform) {
-    for law in [LINEAR, Law::Springs { stiffness: 30.0, damping: 0.0 }] {
+    for law in [LINEAR, Law::Springs { stiffness: Some(30.0), damping: 0.0 }] {
         let (mut body, total) = pressed(platform, anchored(law, Region::Bottom, 25.0));
         let anchors = body.model.anchors.clone();
         if matches!(law, Law::Springs { .. }) {

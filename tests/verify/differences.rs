@@ -183,7 +183,7 @@ fn corotational_force() {
 
 fn spring_body() -> Model {
     let mut scene = block(Plain, false);
-    scene.skins[0].law = Law::Springs { stiffness: 100.0, damping: 0.0 };
+    scene.skins[0].law = Law::Springs { stiffness: Some(100.0), damping: 0.0 };
     scene.solver.preconditioner = Preconditioner::Column;
     model(&scene)
 }

@@ -365,7 +365,7 @@ fn on_path(place: &Platform, law: Law, integrator: Integrator) -> Scene {
 
 fn path(place: &Platform) {
     let corotational = Law::Fem { element: Bbar, corotational: true };
-    let springs = Law::Springs { stiffness: 30.0, damping: 0.01 };
+    let springs = Law::Springs { stiffness: Some(30.0), damping: 0.01 };
     let cases = [
         (corotational, Integrator::ImplicitEuler, false),
         (NEO_HOOKEAN, Integrator::ImplicitEuler, false),

@@ -120,7 +120,7 @@ fn free_block_of(law: Law, mass: Mass, damping: f64) -> Model {
 
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
-const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.1 };
+const SPRINGS: Law = Law::Springs { stiffness: Some(30.0), damping: 0.1 };
 
 fn kept_momentum(platform: &Platform) {
     let lumped = [LINEAR, COROTATIONAL, SPRINGS].map(|law| (law, Lumped));

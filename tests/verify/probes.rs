@@ -47,7 +47,7 @@ const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
 const NEO_HOOKEAN: Law = Law::Hyperelastic(Material::NeoHookean);
 const TETRAHEDRA: Law = Law::Fem { element: Tetra, corotational: true };
 const SOFT_TETRAHEDRA: Law = Law::LargeTetra { material: Material::NeoHookean, element: Tetra };
-const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.0 };
+const SPRINGS: Law = Law::Springs { stiffness: Some(30.0), damping: 0.0 };
 
 fn probe(scene: &mut Scene, kind: ProbeKind) {
     scene.probes.push(Probe { name: format!("p{}", scene.probes.len()), kind });
@@ -128,7 +128,7 @@ fn impulse(simulation: &mut Simulation) -> [f64; 3] {
 }
 
 fn momentum(place: &Platform) {
-    for law in [LINEAR, NEO_HOOKEAN, TETRAHEDRA, Law::Springs { stiffness: 30.0, damping: 0.02 }] {
+    for law in [LINEAR, NEO_HOOKEAN, TETRAHEDRA, Law::Springs { stiffness: Some(30.0), damping: 0.02 }] {
         let mut scene = static_block(place, law);
         scene.time.step = 1e-4;
         let drag = 300.0;

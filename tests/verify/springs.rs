@@ -26,7 +26,7 @@ const EDGE: [f64; 3] = [2e-3, 1.5e-3, 1.0e-3]; // m
 /// One cell whose top moves along z only; `diagonals` keeps the springs that are no edges along z.
 fn cell(damping: f64, diagonals: bool) -> Model {
     let mut scene = block(Plain, false);
-    scene.skins[0].law = Law::Springs { stiffness: STIFFNESS, damping };
+    scene.skins[0].law = Law::Springs { stiffness: Some(STIFFNESS), damping };
     scene.solver.preconditioner = Preconditioner::Column;
     scene.skins[0].size = [EDGE[0], EDGE[1]];
     scene.skins[0].cells = [1, 1];

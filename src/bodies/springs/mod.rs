@@ -1,12 +1,11 @@
 //! Spring networks: one spring per unique pair of corners of each cell (12 edges, 12 face and 4 space diagonals), or per edge of the
 //! tetrahedra of a mesh, as in SOFA's MeshSpringForceField for both. The rest length is the initial length.
 //!
-//! All springs have one stiffness. It is not fitted to a modulus: a network of central forces has Poisson's ratio ¼, and springs that give
-//! way unevenly make it softer than its mean by a factor that depends on the mesh. With stiffnesses that have the mean of an isotropic material,
-//! scenes/meshes/skin_fine.msh shows a quarter to a half of the modulus.
+//! All springs have one stiffness; those of a mesh may have one each, fitted to the layers' Young's moduli ([`fit`]).
 
 pub mod cpu;
 mod cut;
+mod fit;
 mod gpu;
 
 use super::gpu::{Maker, Recorded};
@@ -129,34 +128,52 @@ impl Springs {
     }
 
     /// Springs of a grid or of its mesh.
-    pub fn of(grid: &Grid, layers: &[Layer], stiffness: f64, damping: f64) -> Self {
+    /// `stiffness` is that of each spring, N/m; without, those of a mesh are fitted to the layers.
+    ///
+    /// # Errors
+    /// [`Refused::SpringFit`] where they cannot be.
+    pub fn of(grid: &Grid, layers: &[Layer], stiffness: Option<f64>, damping: f64) -> Result<Self> {
+        let one = stiffness.unwrap_or_default();
         let mut springs = match &grid.unstructured {
-            Some(of) => Self::along_edges(&of.mesh, stiffness, damping),
-            None => Self::between_corners(grid, stiffness, damping),
+            Some(of) => Self::along_edges(&of.mesh, one, damping),
+            None => Self::between_corners(grid, one, damping),
         };
+        if let (None, Some(of)) = (stiffness, &grid.unstructured) {
+            let fitted = fit::stiffnesses(&springs, &of.mesh, layers)?;
+            springs.law = fitted.into_iter().map(|k| [0.0, k, damping, 0.0]).collect();
+        }
         if layers.iter().any(|layer| layer.break_strain.is_finite()) {
             (springs.breaks, springs.breaks_at) = (true, springs.limits(grid, layers));
         }
-        springs
+        Ok(springs)
+    }
+
+    /// Number of tetrahedra or cells.
+    fn element_count(&self, grid: &Grid) -> usize {
+        if grid.unstructured.is_some() { self.tetrahedra.springs.len() } else { grid.cell_count() }
+    }
+
+    /// Springs of a tetrahedron or a cell; each of a cell from both of its ends.
+    fn of_element(&self, params: &Params<f64>, element: usize) -> Vec<u32> {
+        if let Some(own) = self.tetrahedra.springs.get(element) {
+            return own.to_vec();
+        }
+        let corners = params.corners(element).map(|node| node as u32);
+        let around = corners.iter().flat_map(|node| {
+            let [first, last] = [self.first[*node as usize], self.first[*node as usize + 1]];
+            &self.half[first as usize..last as usize]
+        });
+        around.filter(|[other, _]| corners.contains(other)).map(|[_, spring]| *spring).collect()
     }
 
     /// `[spring]` largest limit of the layers around it.
     fn limits(&self, grid: &Grid, layers: &[Layer]) -> Vec<f64> {
         let mut limits = vec![0.0f64; self.ends.len()];
-        let mut raise = |spring: u32, element: usize| {
-            let own = &mut limits[spring as usize];
-            *own = own.max(layers[grid.layer(element)].break_strain);
-        };
-        for (e, own) in self.tetrahedra.springs.iter().enumerate() {
-            own.iter().for_each(|spring| raise(*spring, e));
-        }
         let params = grid.params::<f64>();
-        for cell in 0..grid.cell_count() {
-            let corners = params.corners(cell).map(|node| node as u32);
-            for node in corners {
-                let around = self.first[node as usize] as usize..self.first[node as usize + 1] as usize;
-                let inside = self.half[around].iter().filter(|[other, _]| corners.contains(other));
-                inside.for_each(|[_, spring]| raise(*spring, cell));
+        for e in 0..self.element_count(grid) {
+            let own = layers[grid.layer(e)].break_strain;
+            for spring in self.of_element(&params, e) {
+                limits[spring as usize] = limits[spring as usize].max(own);
             }
         }
         limits
@@ -373,22 +390,9 @@ impl Mechanics for Springs {
     }
 
     fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
-        if let Some(own) = self.tetrahedra.springs.get(cell) {
-            return own.iter().filter(|spring| !wound.spring_gone[**spring as usize]).count() as f64 / 6.0;
-        }
-        let corners = model.grid.params::<f64>().corners(cell).map(|node| node as u32);
-        let inside = |half: &&[u32; 2]| corners.contains(&half[0]);
-        let own = corners.iter().flat_map(|node| {
-            let [first, last] = [self.first[*node as usize], self.first[*node as usize + 1]];
-            self.half[first as usize..last as usize].iter().filter(inside)
-        });
-        // each spring from both of its ends
-        let (mut all, mut alive) = (0, 0);
-        for [_, spring] in own {
-            all += 1;
-            alive += usize::from(!wound.spring_gone[*spring as usize]);
-        }
-        alive as f64 / all as f64
+        let own = self.of_element(&model.grid.params(), cell);
+        let alive = own.iter().filter(|spring| !wound.spring_gone[**spring as usize]).count();
+        alive as f64 / own.len() as f64
     }
 
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
