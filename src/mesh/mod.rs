@@ -2,6 +2,7 @@
 //! of a mesh of tetrahedra. An embedded surface is not cut.
 
 mod corner;
+mod element;
 mod embedded;
 mod embedding;
 mod face;
@@ -16,12 +17,13 @@ mod tetrahedral;
 mod unstructured;
 
 pub use corner::Corner;
+pub use element::SAMPLES;
 pub use embedded::{Embedded, Misfit};
 pub use face::Face;
 pub use grid::Grid;
 pub use links::Links;
 pub use parts::{Change, FRAGMENT, Parts};
-pub use pit::{Carved, Distance, LEAST, Pit, SAMPLES, Thinned};
+pub use pit::{Carved, Distance, LEAST, Pit, Thinned, Tissue};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};

@@ -1,6 +1,6 @@
-//! Space that tools have carved out of a grid of hexahedra, finer than its cells.
+//! Space that tools have carved out of a grid of hexahedra or a mesh of tetrahedra, finer than its cells. Below, cells are tetrahedra too.
 //!
-//! Each cell that a tool has reached has [`SIDE`]³ samples with the part of them that is left, in 255ths; the cell's share `s` is their mean.
+//! Each cell that a tool has reached has [`SAMPLES`] with the part of them that is left, in 255ths; the cell's share `s` is their mean.
 //! A cell has `s` times the stiffness and mass of a whole one, and is gone below [`LEAST`]. What is reached is decided where the tissue is
 //! when it is carved: a sample at rest position `X` is at `x = X + u(X)`, and is gone where the signed distance `φ(x)` of the tool, less its
 //! reach, is negative.
@@ -11,25 +11,24 @@
 //! by the least that clears it: faces are flatter than a round tool, which would otherwise rest on them for good.
 //!
 //! Error: a ball's volume to 1 % with 2 to 4 cells in its radius (the tests here), that of a groove that it carves to 0.4 and 0.3 %, its depth to 1.3 and
-//! 1.0 %, with 1.5 and 3 cells in its radius (`--test engine -- pit`). Corners lie below what is left by the sag of a chord, `h²/8R` along each edge `h`.
+//! 1.0 %, with 1.5 and 3 cells in its radius; of tetrahedra, six to each of those cells, volume 1.1 and 0.4 %, depth 7 and 5 %, since their samples are
+//! flatter (`--test engine -- pit`). Corners lie below what is left by the sag of a chord, `h²/8R` along each edge `h`.
 
-use super::{Corner, Face, Grid, MaterialPoint, trilinear};
-use crate::kernels::corner;
+use super::element::{Element, SAMPLES};
+use super::{Corner, Face, Grid, MaterialPoint, TetrahedralParts};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// Samples along each edge of a cell.
-const SIDE: usize = 4;
-
-/// Samples of a cell.
-pub const SAMPLES: usize = SIDE * SIDE * SIDE;
 
 /// Share of a cell below which it is gone.
 pub const LEAST: f64 = 0.05;
 
 /// Rounds in which the surface recedes from what is removed.
 const SWEEPS: usize = 8;
+
+/// Share of the thickness below the highest point in which points are of the top.
+const TOP: f64 = 1e-6;
 
 /// Depth inside of what is removed that counts as outside, m.
 const NEAR: f64 = 1e-8;
@@ -66,60 +65,96 @@ pub struct Pit {
     corners: BTreeMap<u32, [f64; 3]>,
 }
 
-/// A cell at rest: its lowest corner and its edges, m.
+/// What is carved: a grid, or the tetrahedra of a mesh, as they are now.
 #[derive(Clone, Copy)]
-struct Cuboid {
-    low: [f64; 3],
-    edges: [f64; 3],
+pub struct Tissue<'a> {
+    /// The grid of the body.
+    pub grid: &'a Grid,
+    /// Tetrahedra of a mesh, [`TetrahedralParts::prepare`]d.
+    pub tetrahedra: Option<&'a TetrahedralParts>,
+    /// `[cell]` or `[tetrahedron]`: false if removed.
+    pub alive: &'a [bool],
 }
 
-impl Cuboid {
-    fn new(grid: &Grid, cell: usize) -> Self {
-        let low = grid.rest(grid.params::<f64>().corners(cell)[0]);
-        Self { low, edges: grid.cell_edges(grid.layer(cell) as u32) }
+impl Tissue<'_> {
+    fn element(&self, cell: usize) -> Element {
+        match self.tetrahedra {
+            Some(parts) => Element::of_tetrahedron(parts, cell),
+            None => Element::of_cell(self.grid, cell),
+        }
     }
 
-    /// Natural coordinates of a position, 0 to 1 inside.
-    fn natural(&self, at: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|n| (at[n] - self.low[n]) / self.edges[n])
+    /// Cells or tetrahedra around a node.
+    fn around(&self, node: usize) -> Vec<usize> {
+        if let Some(parts) = self.tetrahedra {
+            return parts.around(node as u32);
+        }
+        let params = self.grid.params::<f64>();
+        let at = params.node_at(node);
+        (0..8).filter_map(|a| params.cell_below(at, a)).collect()
     }
 
-    /// Position in a sample, at shares of its edges from its lowest corner, m.
-    fn sample(&self, k: usize, shares: [f64; 3]) -> [f64; 3] {
-        let at = [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE];
-        [0, 1, 2].map(|n| self.low[n] + (at[n] as f64 + shares[n]) * self.edges[n] / SIDE as f64)
+    /// Whether a node is on the surface.
+    fn is_outside(&self, node: usize) -> bool {
+        if let Some(parts) = self.tetrahedra {
+            return parts.is_outside(node as u32);
+        }
+        let around = self.around(node);
+        around.len() < 8 || around.iter().any(|cell| !self.alive[*cell])
+    }
+
+    /// The element that a node's corner moves with: of those that are `there` the one that it is in, or of those around the node the nearest.
+    fn element_of(&self, node: usize, at: [f64; 3], there: impl Fn(usize) -> bool) -> Option<usize> {
+        if self.tetrahedra.is_none()
+            && let Some((cell, _)) = self.grid.cells_at(at).into_iter().find(|(cell, _)| there(*cell))
+        {
+            return Some(cell);
+        }
+        let around = self.around(node).into_iter().filter(|cell| there(*cell));
+        let around = around.map(|cell| (cell, self.element(cell).outside(at)));
+        around.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(cell, _)| cell)
+    }
+
+    /// The part of a way of a node's corner at `at` that does not leave the body, to first order.
+    fn within(&self, node: u32, at: [f64; 3], way: [f64; 3]) -> [f64; 3] {
+        if let Some(parts) = self.tetrahedra {
+            let out = |way: DVec3, normal: &DVec3| way - *normal * normal.dot(way).max(0.0);
+            return parts.held(node).iter().fold(DVec3::from_array(way), out).to_array();
+        }
+        let [low, high] = self.box_of();
+        let leaves = |n: usize| (at[n] <= low[n] && way[n] < 0.0) || (at[n] >= high[n] && way[n] > 0.0);
+        [0, 1, 2].map(|n| if leaves(n) { 0.0 } else { way[n] })
+    }
+
+    /// Lowest and highest corner of the body's box, m.
+    fn box_of(&self) -> [[f64; 3]; 2] {
+        let [x, y] = self.grid.size().map(|size| 0.5 * size);
+        [[-x, -y, 0.0], [x, y, self.grid.thickness()]]
     }
 }
 
-/// A cell with the displacements of its corners.
+/// An element with the displacements of its corners.
 struct Placed {
-    rest: Cuboid,
+    rest: Element,
     moved: [[f64; 3]; 8],
 }
 
 impl Placed {
-    fn new(grid: &Grid, cell: usize, moved: &dyn Fn(u32) -> [f64; 3]) -> Self {
-        let corners = grid.params::<f64>().corners(cell);
-        Self { rest: Cuboid::new(grid, cell), moved: corners.map(|node| moved(node as u32)) }
+    fn new(rest: Element, moved: &dyn Fn(u32) -> [f64; 3]) -> Self {
+        Self { moved: rest.nodes.map(moved), rest }
     }
 
     /// Present position of a point at rest, m.
     fn now(&self, at: [f64; 3]) -> [f64; 3] {
-        let weights = trilinear(self.rest.natural(at));
+        let weights = self.rest.weights(at);
         [0, 1, 2].map(|n| at[n] + (0..8).map(|a| weights[a] * self.moved[a][n]).sum::<f64>())
     }
 
     /// Gradient over rest positions, `Fᵀ∇φ`, of what has the gradient `along` over present ones.
     fn slope(&self, at: [f64; 3], along: [f64; 3]) -> [f64; 3] {
-        let natural = self.rest.natural(at);
+        let gradients = self.rest.gradients(at);
         let slope = |axis: usize| {
-            let part = |a: usize| {
-                let sign = if corner(a)[axis] == 1 { 1.0 } else { -1.0 };
-                let side = |n: usize| if corner(a)[n] == 1 { natural[n] } else { 1.0 - natural[n] };
-                let weight: f64 =
-                    sign / self.rest.edges[axis] * (0..3).filter(|n| *n != axis).map(side).product::<f64>();
-                (0..3).map(|n| weight * self.moved[a][n] * along[n]).sum::<f64>()
-            };
+            let part = |a: usize| (0..3).map(|n| gradients[a][axis] * self.moved[a][n] * along[n]).sum::<f64>();
             along[axis] + (0..8).map(part).sum::<f64>()
         };
         [0, 1, 2].map(slope)
@@ -147,28 +182,28 @@ impl Pit {
     /// nodes' displacements, m.
     pub fn reached(
         &self,
-        grid: &Grid,
+        tissue: Tissue,
         (cells, faces): (&[u32], &[Face]),
         moved: &(dyn Fn(u32) -> [f64; 3] + Sync),
         of: &Distance,
     ) -> Carved {
-        let params = grid.params::<f64>();
         let cells: BTreeMap<usize, Placed> =
-            cells.iter().map(|cell| (*cell as usize, Placed::new(grid, *cell as usize, moved))).collect();
-        let before = |node: u32| self.corners.get(&node).copied().unwrap_or_else(|| grid.rest(node as usize));
-        let nodes = cells.keys().flat_map(|cell| params.corners(*cell)).map(|node| node as u32);
+            cells.iter().map(|cell| (*cell as usize, Placed::new(tissue.element(*cell as usize), moved))).collect();
+        let before = |node: u32| self.corners.get(&node).copied().unwrap_or_else(|| tissue.grid.rest(node as usize));
+        let nodes = cells.values().flat_map(|place| place.rest.nodes);
         let mut corners: BTreeMap<u32, [f64; 3]> = nodes.map(|node| (node, before(node))).collect();
         // corners alone, and points of faces that have all of theirs here
         let mut points: Vec<MaterialPoint> = corners.keys().map(|node| MaterialPoint::node(*node)).collect();
         for face in faces.iter().filter(|face| face.nodes.iter().all(|node| corners.contains_key(node))) {
-            let [a, b, c, d] = face.nodes;
-            points.extend([[a, b], [b, c], [c, d], [d, a]].map(|ends| MaterialPoint::of(ends, [0.5; 2])));
-            points.push(MaterialPoint::of(face.nodes, [0.25; 4]));
+            points.extend(face.edges().map(|ends| MaterialPoint::of(ends, [0.5; 2])));
+            let corners = face.corners();
+            let share = 1.0 / corners.len() as f64;
+            points.push(MaterialPoint(corners.iter().map(|node| (*node, share)).collect()));
         }
-        let place =
-            |node: u32, at: [f64; 3]| cells.get(&cell_of(grid, node as usize, at, |cell| cells.contains_key(&cell))?);
+        let there = |cell: usize| cells.contains_key(&cell);
+        let place = |node: u32, at: [f64; 3]| cells.get(&tissue.element_of(node as usize, at, there)?);
         for _ in 0..SWEEPS {
-            let moved = points.iter().filter(|point| recede(grid, point, &mut corners, &place, of)).count();
+            let moved = points.iter().filter(|point| recede(tissue, point, &mut corners, &place, of)).count();
             if moved == 0 {
                 break;
             }
@@ -180,19 +215,16 @@ impl Pit {
 
     /// Samples of a cell after what is reached is gone; none if nothing of it is.
     fn thinned(&self, cell: u32, place: &Placed, of: &Distance) -> Option<(u32, Vec<u8>)> {
-        let Cuboid { low, edges } = place.rest;
-        // how much the distance differs over the cell
-        let width = |slope: [f64; 3]| (0..3).map(|n| slope[n].abs() * edges[n]).sum::<f64>();
-        let (middle, slope) = place.distance([0, 1, 2].map(|n| low[n] + 0.5 * edges[n]), of);
-        if middle > width(slope) {
+        let (middle, slope) = place.distance(place.rest.middle(), of);
+        if middle > place.rest.range(slope) {
             return None; // out of reach
         }
         let mut left = self.cells.get(&cell).cloned().unwrap_or_else(|| vec![u8::MAX; SAMPLES]);
         let mut less = false;
         for (k, left) in left.iter_mut().enumerate().filter(|(_, left)| **left > 0) {
-            // the part of the sample's box that is left, as if the surface were a plane across it
-            let (distance, slope) = place.distance(place.rest.sample(k, [0.5; 3]), of);
-            let width = width(slope) / SIDE as f64;
+            // the part of the sample that is left, as if the surface were a plane across it
+            let (distance, slope) = place.distance(place.rest.sample(k), of);
+            let width = place.rest.range_of_sample(k, slope);
             let part = if width > 0.0 { 0.5 + distance / width } else { 0.0 };
             let own = (255.0 * part.clamp(0.0, 1.0)).round() as u8;
             less |= own < *left;
@@ -214,60 +246,37 @@ impl Pit {
 
     /// Points that what was carved reaches to at rest, in the frame of the body, m: of each sample that lost some the depth of it, if it is taken from
     /// above, and of those that lost half their sides; and whether they are at the body's top.
-    pub fn extent(&self, grid: &Grid, carved: &Carved) -> Vec<([f64; 3], bool)> {
-        let params = grid.params::<f64>();
+    pub fn extent(&self, tissue: Tissue, carved: &Carved) -> Vec<([f64; 3], bool)> {
+        let top = tissue.grid.thickness() * (1.0 - TOP);
         let mut out = vec![];
         for (cell, left) in &carved.cells {
-            let rest = Cuboid::new(grid, *cell as usize);
-            let highest = params.cell_at(*cell as usize)[2] + 1 == grid.cells[2];
+            let rest = tissue.element(*cell as usize);
             for (k, left) in left.iter().enumerate().filter(|(_, left)| **left < u8::MAX) {
-                let sides: &[f64] = if *left < u8::MAX / 2 { &[0.0, 1.0] } else { &[0.5] };
-                for side in sides {
-                    let point = rest.sample(k, [*side, *side, f64::from(*left) / f64::from(u8::MAX)]);
-                    out.push((point, highest && k / SIDE / SIDE + 1 == SIDE && sides.len() > 1));
-                }
+                let half = *left < u8::MAX / 2;
+                let whole = rest.tops(k, 1.0);
+                let highest = half && whole.iter().any(|at| at[2] >= top);
+                out.extend(rest.tops(k, f64::from(*left) / f64::from(u8::MAX)).into_iter().map(|at| (at, highest)));
             }
         }
         out
     }
 
     /// Corner of the surface at a node, where it is not the node itself.
-    pub fn corner(&self, grid: &Grid, alive: &[bool], node: usize) -> Option<Corner> {
+    pub fn corner(&self, tissue: Tissue, node: usize) -> Option<Corner> {
         let at = *self.corners.get(&(node as u32))?;
-        let params = grid.params::<f64>();
-        let level = params.node_at(node);
-        if (0..8).all(|a| params.cell_below(level, a).is_some_and(|cell| alive[cell])) {
-            return None; // not on the surface
+        if !tissue.is_outside(node) {
+            return None;
         }
-        let cell = cell_of(grid, node, at, |cell| alive[cell])?;
-        let nodes = params.corners(cell).map(|node| node as u32);
-        let start = grid.rest(node);
-        Some(Corner {
-            offset: [0, 1, 2].map(|n| at[n] - start[n]),
-            nodes,
-            weights: trilinear(Cuboid::new(grid, cell).natural(at)),
-        })
+        let own = tissue.element(tissue.element_of(node, at, |cell| tissue.alive[cell])?);
+        let start = tissue.grid.rest(node);
+        Some(Corner { offset: [0, 1, 2].map(|n| at[n] - start[n]), nodes: own.nodes, weights: own.weights(at) })
     }
-}
-
-/// The cell that a node's corner moves with: of those that are `there` the one that it is in, or of those around the node the nearest.
-fn cell_of(grid: &Grid, node: usize, at: [f64; 3], there: impl Fn(usize) -> bool) -> Option<usize> {
-    if let Some((cell, _)) = grid.cells_at(at).into_iter().find(|(cell, _)| there(*cell)) {
-        return Some(cell);
-    }
-    let params = grid.params::<f64>();
-    let level = params.node_at(node);
-    let around = (0..8).filter_map(|a| params.cell_below(level, a)).filter(|cell| there(*cell));
-    let outside = |cell: &usize| {
-        Cuboid::new(grid, *cell).natural(at).iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>()
-    };
-    around.min_by(|a, b| outside(a).total_cmp(&outside(b)))
 }
 
 /// Moves the corners that a point of the surface is between out of what is removed, the least that does it to first order, and not out of the
 /// body's box; false if the point is not in it.
 fn recede<'a>(
-    grid: &Grid,
+    tissue: Tissue,
     point: &MaterialPoint,
     corners: &mut BTreeMap<u32, [f64; 3]>,
     place: &dyn Fn(u32, [f64; 3]) -> Option<&'a Placed>,
@@ -286,22 +295,15 @@ fn recede<'a>(
     if distance >= -NEAR {
         return false;
     }
-    // the way out of each corner at rest, without what would leave the box
-    let [x, y] = grid.size().map(|size| 0.5 * size);
-    let (low, high) = ([-x, -y, 0.0], [x, y, grid.thickness()]);
-    let ways: Vec<[f64; 3]> = places
-        .iter()
-        .map(|(_, _, at, own)| {
-            let slope = own.slope(*at, along);
-            let leaves = |n: usize| (at[n] <= low[n] && slope[n] < 0.0) || (at[n] >= high[n] && slope[n] > 0.0);
-            std::array::from_fn(|n| if leaves(n) { 0.0 } else { slope[n] })
-        })
-        .collect();
+    // the way out of each corner at rest
+    let way = |(node, _, at, own): &(u32, f64, [f64; 3], &Placed)| tissue.within(*node, *at, own.slope(*at, along));
+    let ways: Vec<[f64; 3]> = places.iter().map(way).collect();
     let squared = |way: &[f64; 3]| way.iter().map(|c| c * c).sum::<f64>();
     let sum: f64 = places.iter().zip(&ways).map(|((_, weight, ..), way)| weight * weight * squared(way)).sum();
     if sum == 0.0 {
         return false;
     }
+    let [low, high] = tissue.box_of();
     for ((node, weight, at, _), way) in places.iter().zip(&ways) {
         let next = [0, 1, 2].map(|n| (at[n] - distance * weight / sum * way[n]).clamp(low[n], high[n]));
         corners.insert(*node, next);
@@ -317,6 +319,9 @@ fn mean(samples: &[u8]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Unstructured;
+    use crate::scene::TetrahedralMesh;
+    use std::sync::Arc;
 
     const RADIUS: f64 = 2e-3;
 
@@ -334,6 +339,15 @@ mod tests {
         }
     }
 
+    /// Nothing is gone.
+    fn tissue(grid: &Grid) -> Tissue<'_> {
+        Tissue { grid, tetrahedra: None, alive: &[] }
+    }
+
+    fn of_tetrahedra<'a>(grid: &'a Grid, parts: &'a TetrahedralParts) -> Tissue<'a> {
+        Tissue { grid, tetrahedra: Some(parts), alive: parts.present() }
+    }
+
     /// A ball, with the positions that it takes.
     fn ball(centre: [f64; 3]) -> impl Fn([f64; 3]) -> (f64, [f64; 3]) + Sync {
         move |at| {
@@ -348,7 +362,7 @@ mod tests {
         let grid = grid();
         let all: Vec<u32> = (0..grid.cell_count() as u32).collect();
         let mut pit = Pit::default();
-        let carved = pit.reached(&grid, (&all, &[]), moved, &ball(centre));
+        let carved = pit.reached(tissue(&grid), (&all, &[]), moved, &ball(centre));
         let volume = |own: &Thinned| {
             let [x, y, z] = grid.cell_edges(grid.layer(own.cell as usize) as u32);
             x * y * z * (own.before - own.after)
@@ -373,13 +387,45 @@ mod tests {
     }
 
     #[test]
+    fn a_ball_takes_its_own_volume_of_tetrahedra_and_their_corners_lie_on_it() {
+        let (grid, centre) = (grid(), [0.13e-3, -0.2e-3, 4.8e-3]);
+        let nodes = (0..grid.node_count()).map(|node| grid.rest(node)).collect();
+        let (corners, layers) = grid.tetrahedra().into_iter().map(|(own, layer)| (own, layer as u32)).unzip();
+        let mesh = TetrahedralMesh::new(nodes, corners, layers).unwrap_or_else(|defect| panic!("{defect}"));
+        let mut parts = TetrahedralParts::new(Arc::new(Unstructured::new(&Arc::new(mesh))), 0);
+        parts.prepare();
+        let all: Vec<u32> = (0..parts.present().len() as u32).collect();
+        let mut pit = Pit::default();
+        let carved = pit.reached(of_tetrahedra(&grid, &parts), (&all, &[]), &|_| [0.0; 3], &ball(centre));
+        let thinned = pit.carve(&carved);
+        let volume: f64 =
+            thinned.iter().map(|own| parts.mesh().mesh.volume(own.cell as usize) * (own.before - own.after)).sum();
+        // the ball without its cap above the top
+        let h = RADIUS - 0.2e-3;
+        let pi = std::f64::consts::PI;
+        let wanted = 4.0 / 3.0 * pi * RADIUS.powi(3) - pi * h * h * (RADIUS - h / 3.0);
+        assert!((volume / wanted - 1.0).abs() < 0.01, "{volume:e} {wanted:e}");
+        let gone: Vec<u32> = thinned.iter().filter(|own| own.after < LEAST).map(|own| own.cell).collect();
+        parts.carve(&gone);
+        let mut moved = 0;
+        for node in 0..grid.node_count() {
+            let Some(own) = pit.corner(of_tetrahedra(&grid, &parts), node) else { continue };
+            let at = [0, 1, 2].map(|n| grid.rest(node)[n] + own.offset[n]);
+            assert!(ball(centre)(at).0.abs() < 5e-6 && at[2] <= grid.thickness(), "node {node}: {at:?}");
+            assert!((own.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            moved += 1;
+        }
+        assert!(moved > 10 && gone.len() > 30, "{moved} {}", gone.len());
+    }
+
+    #[test]
     fn what_is_taken_twice_is_counted_once() {
         let (grid, away) = (grid(), ball([0.0, 0.0, 5e-3]));
         let all: Vec<u32> = (0..grid.cell_count() as u32).collect();
         let mut pit = Pit::default();
-        let carved = pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &away);
+        let carved = pit.reached(tissue(&grid), (&all, &[]), &|_| [0.0; 3], &away);
         assert!(!pit.carve(&carved).is_empty() && !pit.is_empty());
-        assert_eq!(pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &away), Carved::default());
+        assert_eq!(pit.reached(tissue(&grid), (&all, &[]), &|_| [0.0; 3], &away), Carved::default());
         assert!(all.iter().any(|cell| pit.share(*cell as usize) < 1.0) && pit.share(0) == 1.0);
     }
 
@@ -396,7 +442,7 @@ mod tests {
         let alive: Vec<bool> = (0..grid.cell_count()).map(|cell| !gone.contains(&(cell as u32))).collect();
         let mut moved = 0;
         for node in 0..grid.node_count() {
-            let Some(own) = pit.corner(&grid, &alive, node) else { continue };
+            let Some(own) = pit.corner(Tissue { alive: &alive, ..tissue(&grid) }, node) else { continue };
             let (rest, shift) = (grid.rest(node), own.moved(shear));
             let at = [0, 1, 2].map(|n| rest[n] + own.offset[n] + shift[n]);
             let (off, _) = ball(centre)(at);
@@ -423,10 +469,10 @@ mod tests {
         let low = grid.rest(nodes[4] as usize);
         let centre = [low[0] + 0.5e-3, low[1] + 0.35e-3, 5e-3 + RADIUS - 0.05e-3];
         let pit = Pit::default();
-        let carved = pit.reached(&grid, (&all, &[face]), &|_| [0.0; 3], &ball(centre));
+        let carved = pit.reached(tissue(&grid), (&all, &[face]), &|_| [0.0; 3], &ball(centre));
         let height = |node: u32| carved.corners.iter().find(|(own, _)| *own == node).map_or(low[2], |(_, at)| at[2]);
         let middle = face.nodes.map(height).iter().sum::<f64>() / 4.0;
         assert!((middle - (5e-3 - 0.05e-3)).abs() < 1e-6, "{middle:e}");
-        assert_eq!(pit.reached(&grid, (&all, &[]), &|_| [0.0; 3], &ball(centre)).corners, []);
+        assert_eq!(pit.reached(tissue(&grid), (&all, &[]), &|_| [0.0; 3], &ball(centre)).corners, []);
     }
 }

@@ -1,7 +1,9 @@
 //! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside
 //! likewise; of an embedded surface, its triangles.
 
-use super::{Carved, Corner, Distance, Face, Grid, MaterialPoint, Outside, Parts, Pit, TetrahedralParts, Thinned};
+use super::{
+    Carved, Corner, Distance, Face, Grid, MaterialPoint, Outside, Parts, Pit, TetrahedralParts, Thinned, Tissue,
+};
 use crate::kernels::Params;
 
 /// Edge defects of a surface; both are 0 for an uncut body.
@@ -123,39 +125,54 @@ impl Surface {
         self.pit.share(cell)
     }
 
-    /// `[cell]` shares of the cells that are left; empty where tools have carved no space.
+    /// `[cell]` shares of the cells or tetrahedra that are left; empty where tools have carved no space.
     pub fn shares(&self) -> Vec<f64> {
-        let count = if self.pit.is_empty() { 0 } else { self.alive.len() };
-        (0..count).map(|cell| if self.alive[cell] { self.share(cell) } else { 0.0 }).collect()
+        let all = if self.pit.is_empty() { &[] } else { self.tissue().alive };
+        all.iter().enumerate().map(|(cell, here)| if *here { self.share(cell) } else { 0.0 }).collect()
     }
 
-    /// Removes space from the cells; returns those that have lost something.
+    /// What tools carve.
+    fn tissue(&self) -> Tissue<'_> {
+        let tetrahedra = self.tetrahedra.as_ref();
+        Tissue { grid: &self.of, tetrahedra, alive: tetrahedra.map_or(&self.alive, |of| of.present()) }
+    }
+
+    /// Makes what carving needs, once.
+    pub(crate) fn prepare(&mut self) {
+        self.tetrahedra.iter_mut().for_each(TetrahedralParts::prepare);
+    }
+
+    /// Removes space from the cells or tetrahedra; returns those that have lost something.
     pub(crate) fn carve(&mut self, carved: &Carved) -> Vec<Thinned> {
+        self.prepare();
         self.pit.carve(carved)
     }
 
-    /// What is reached of some present cells, in ascending order, and of faces there ([`Pit::reached`]).
+    /// What is reached of some present cells, in ascending order, and of faces there ([`Pit::reached`]), once [`Self::prepare`]d.
     pub(crate) fn reached(
         &self,
         near: (&[u32], &[Face]),
         moved: &(dyn Fn(u32) -> [f64; 3] + Sync),
         of: &Distance,
     ) -> Carved {
-        self.pit.reached(&self.of, near, moved, of)
+        self.pit.reached(self.tissue(), near, moved, of)
     }
 
     /// Points at the border of what was carved ([`Pit::extent`]).
     pub(crate) fn extent(&self, carved: &Carved) -> Vec<([f64; 3], bool)> {
-        self.pit.extent(&self.of, carved)
+        self.pit.extent(self.tissue(), carved)
     }
 
-    /// A cell and the present ones that touch it in a face, an edge or a corner.
-    pub(crate) fn beside(&self, cell: usize) -> impl Iterator<Item = usize> {
+    /// A cell or tetrahedron and the present ones that touch it in a face, an edge or a corner.
+    pub(crate) fn beside(&self, cell: usize) -> Vec<usize> {
+        if let Some(of) = &self.tetrahedra {
+            return of.corners()[cell].iter().flat_map(|node| of.around(*node)).collect();
+        }
         let at = self.params.cell_at(cell);
         let size = [self.params.cells_x, self.params.cells_y, self.params.cells_z].map(|n| n as usize);
-        let range = move |n: usize| at[n].saturating_sub(1)..(at[n] + 2).min(size[n]);
-        let all = range(2).flat_map(move |k| range(1).flat_map(move |j| range(0).map(move |i| [i, j, k])));
-        all.map(|at| self.params.cell_id(at)).filter(|cell| self.alive[*cell])
+        let range = |n: usize| at[n].saturating_sub(1)..(at[n] + 2).min(size[n]);
+        let all = range(2).flat_map(|k| range(1).flat_map(move |j| range(0).map(move |i| [i, j, k])));
+        all.map(|at| self.params.cell_id(at)).filter(|cell| self.alive[*cell]).collect()
     }
 
     /// A point of corners of the surface as one of nodes: corners on carved space move with those of a cell.
@@ -163,7 +180,7 @@ impl Surface {
         if self.pit.is_empty() {
             return point;
         }
-        point.through(|node| match self.pit.corner(&self.of, &self.alive, node as usize) {
+        point.through(|node| match self.pit.corner(self.tissue(), node as usize) {
             Some(corner) => MaterialPoint::of(corner.nodes, corner.weights),
             None => MaterialPoint::node(node),
         })
@@ -176,7 +193,7 @@ impl Surface {
         {
             return Corner { offset: [0.0; 3], nodes: embedded.nodes[point], weights: embedded.weights[point] };
         }
-        let carved = self.pit.corner(&self.of, &self.alive, node);
+        let carved = self.pit.corner(self.tissue(), node);
         let cut = || self.tetrahedra.as_ref().map_or_else(|| self.parts.corner(&self.of, node), |of| of.corner(node));
         carved.unwrap_or_else(cut)
     }

@@ -219,8 +219,8 @@ impl TetrahedralParts {
         Cow::Owned(out)
     }
 
-    /// Makes the lists of the first cut.
-    fn prepare(&mut self) {
+    /// Makes the lists of the first cut, once.
+    pub(super) fn prepare(&mut self) {
         if self.around[0].is_empty() {
             let tetrahedra = self.of.mesh.tetrahedra();
             let mut first = vec![0; self.of.mesh.nodes().len() + 1];
@@ -264,6 +264,17 @@ impl TetrahedralParts {
         self.all_around(self.original(node as usize)).filter(is_here).collect()
     }
 
+    /// Whether a node of a present tetrahedron is on the outside; not known before the first cut.
+    pub(super) fn is_outside(&self, node: u32) -> bool {
+        let open = |e: &usize| (0..4).any(|k| self.corners()[*e][k] != node && self.beyond(*e, k).is_none());
+        self.around(node).iter().any(open)
+    }
+
+    /// Unit normals of the outside of the whole mesh at a node, perpendicular to each other; none before the first cut.
+    pub(super) fn held(&self, node: u32) -> &[DVec3] {
+        self.held.get(&(self.original(node as usize) as u32)).map_or(&[], |held| held)
+    }
+
     /// Offset of the surface corner from the rest position of a node, m; zero where no link is cut.
     pub(super) fn offset(&self, node: u32) -> DVec3 {
         let (original, at, mesh) = (self.original(node as usize) as u32, self.rest(node), &self.of.mesh);
@@ -285,8 +296,10 @@ impl TetrahedralParts {
                 }
             }
         }
-        let held = self.held.get(&original).map_or(&[][..], |held| held);
-        held.iter().fold(sum / count, |rest, held| rest - *held * held.dot(rest)).clamp_length_max(0.5 * shortest)
+        self.held(node)
+            .iter()
+            .fold(sum / count, |rest, held| rest - *held * held.dot(rest))
+            .clamp_length_max(0.5 * shortest)
     }
 
     /// Surface corner at a node; a node without a cut link or without tetrahedra is its own corner.

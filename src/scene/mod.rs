@@ -337,9 +337,13 @@ impl Skin {
     }
 
     /// Whether tools may carve space out of it that is finer than its cells: out of hexahedra of a large-strain law, whose cells have factors on
-    /// their stiffness and mass.
+    /// their stiffness and mass, and out of smoothed tetrahedra.
     pub fn has_space_to_carve(&self) -> bool {
-        self.can_be_carved() && matches!(self.law, Law::Hyperelastic(_)) && self.mesh.is_none()
+        let smoothed = matches!(
+            self.law,
+            Law::Fem { element: Element::Tetra, .. } | Law::LargeTetra { element: Element::Tetra, .. }
+        );
+        self.can_be_carved() && (smoothed || matches!(self.law, Law::Hyperelastic(_)))
     }
 
     /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.

@@ -171,11 +171,14 @@ pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Co
         let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
         if skins.iter().any(|skin| skin.can_be_carved() && !skin.has_space_to_carve()) {
             return unfit(
-                "space is carved out of grids of hexahedra with a large-strain law; write whole_cells = true for the others",
+                "space is carved out of hexahedra with a large-strain law and out of smoothed tetrahedra; write whole_cells = true for the others",
             );
         }
         let radius = tool.round.map_or(0.0, |round| round.radius) + carve.distance;
-        let edge = |skin: &Skin| (0..2).map(|n| skin.size[n] / f64::from(skin.cells[n])).fold(0.0, f64::max);
+        let edge = |skin: &Skin| match &skin.mesh {
+            Some(mesh) => mesh.cell_width(),
+            None => (0..2).map(|n| skin.size[n] / f64::from(skin.cells[n])).fold(0.0, f64::max),
+        };
         if carve.distance <= 0.0 || skins.iter().any(|skin| skin.has_space_to_carve() && 2.0 * radius < edge(skin)) {
             return unfit(
                 "what it takes at a contact, a ball of its radius and distance_mm, is smaller than a cell; write whole_cells = true, a larger \

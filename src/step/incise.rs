@@ -122,6 +122,7 @@ impl Simulation {
             let (mass, volume) = (self.bodies[number].wound.mass_of_nodes(), self.bodies[number].wound.totals.volume);
             let mut removed = self.bodies[number].carve(&cells)?;
             for tool in tools {
+                self.bodies[number].wound.surface.prepare();
                 let near = self.carved_cells(tool, number, report);
                 let reach = self.scene.tools[tool].carve.map_or(0.0, |carve| carve.distance);
                 let body = &mut self.bodies[number];
@@ -177,9 +178,10 @@ impl Simulation {
             touched.iter().filter(|here| here.gap <= carve.distance).filter(presses).map(|here| here.at).collect();
         let mut cells = BTreeSet::new();
         for face in &body.located.faces[tool] {
-            let centre = face.nodes.map(rest).iter().sum::<DVec3>() * 0.25;
+            let corners = face.corners();
+            let centre = corners.iter().map(|node| rest(*node)).sum::<DVec3>() / corners.len() as f64;
             if taken.iter().any(|at| at.distance(centre) <= 1.5 * width) {
-                cells.extend(body.wound.surface.beside(face.cell as usize).map(|cell| cell as u32));
+                cells.extend(body.wound.surface.beside(face.cell as usize).into_iter().map(|cell| cell as u32));
             }
         }
         cells.into_iter().collect()

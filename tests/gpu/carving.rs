@@ -5,7 +5,9 @@ use super::small::{block, held};
 use super::{Failure, platform};
 use cutis::gpu::Gpu;
 use cutis::mesh::Carved;
-use cutis::scene::{Boundary, Carve, Contact, Cut, Law, Material, Pose, Preconditioner, Region, Round, Scene, Tool};
+use cutis::scene::{
+    Boundary, Carve, Contact, Cut, Element, Law, Material, Pose, Preconditioner, Region, Round, Scene, Tool,
+};
 use cutis::step::{Platform, Simulation};
 
 /// Difference of the displacement, of the largest: what the solver's tolerance leaves, times what a slender rest of the body makes of it.
@@ -111,13 +113,25 @@ fn under_a_ball() -> Scene {
     scene
 }
 
-/// Steps of the same scene on both: volumes carved, and the largest true residual on the device.
+/// The same block of smoothed tetrahedra, six to each cell.
+fn tetrahedra_under_a_ball() -> Scene {
+    let mut scene = under_a_ball();
+    scene.skins[0].law = Law::LargeTetra { material: Material::NeoHookean, element: Element::Tetra };
+    scene.solver.preconditioner = Preconditioner::Block;
+    scene
+}
+
+/// Steps of the same scenes on both.
 fn space_alike(gpu: &Gpu) -> Result<(), Failure> {
-    let scene = under_a_ball();
+    [under_a_ball(), tetrahedra_under_a_ball()].iter().try_for_each(|scene| space_of(gpu, scene))
+}
+
+/// Volumes carved, and the largest true residual on the device.
+fn space_of(gpu: &Gpu, scene: &Scene) -> Result<(), Failure> {
     let mut volumes = vec![];
     let mut residual: f64 = 0.0;
     for platform in [platform(gpu), Platform::Cpu32] {
-        let mut simulation = Simulation::new(&scene, &platform)?;
+        let mut simulation = Simulation::new(scene, &platform)?;
         for step in 0..40 {
             let report = simulation.step(step % 10 == 9)?;
             residual = residual.max(report.true_residual.unwrap_or(0.0));
@@ -131,13 +145,19 @@ fn space_alike(gpu: &Gpu) -> Result<(), Failure> {
     }
 }
 
-/// The top layer at half of its share on the CPU path, and so on the device but for one cell.
+/// The top layer at half of its share on the CPU path, and so on the device but for one cell, or tetrahedron.
 fn another_share_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
-    let scene = under_a_ball();
+    notices(gpu, &under_a_ball(), 1)?;
+    notices(gpu, &tetrahedra_under_a_ball(), 6)
+}
+
+/// See there; with so many elements to each cell.
+fn notices(gpu: &Gpu, scene: &Scene, per_cell: u32) -> Result<(), Failure> {
     let mut apart = vec![];
     for left_out in [0, 1] {
-        let mut both = [Simulation::new(&scene, &platform(gpu))?, Simulation::new(&scene, &Platform::Cpu32)?];
-        let cells: Vec<(u32, Vec<u8>)> = (4 * 64..5 * 64).map(|cell| (cell, vec![60; 64])).collect();
+        let mut both = [Simulation::new(scene, &platform(gpu))?, Simulation::new(scene, &Platform::Cpu32)?];
+        let top = per_cell * 4 * 64..per_cell * 5 * 64;
+        let cells: Vec<(u32, Vec<u8>)> = top.map(|cell| (cell, vec![60; 64])).collect();
         let carved = |cells: &[(u32, Vec<u8>)]| Carved { cells: cells.to_vec(), corners: vec![] };
         both[0].bodies[0].carve_space(&carved(&cells[left_out..]))?;
         both[1].bodies[0].carve_space(&carved(&cells))?;

@@ -17,7 +17,7 @@ use super::Tetrahedra;
 use super::operator::{Arrays, Changes};
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::cut::Hit;
-use crate::mesh::{Severed, TetrahedralParts};
+use crate::mesh::{Carved, LEAST, Severed, TetrahedralParts, Thinned};
 use crate::scene::Mass;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,7 +46,7 @@ impl Wound {
         let nodes: BTreeSet<u32> = copies.iter().flatten().copied().collect();
         let mut removal = Removal { copies, ..Removal::default() };
         self.divide_masses(model, own, nodes, &mut removal);
-        self.change_operator(own, &tetrahedra, &mut removal);
+        self.change_operator(own, &tetrahedra, &[], &mut removal);
         removal
     }
 
@@ -97,9 +97,9 @@ impl Wound {
         // per original: its nodes, each with the quarters of its tetrahedra, kg
         let mut parted: BTreeMap<usize, Vec<(u32, f64)>> = BTreeMap::new();
         for node in nodes {
-            let parts = parts(self);
-            let quarters = parts.around(node).into_iter().map(|e| own.quarter(model, e)).sum();
-            parted.entry(parts.original(node as usize)).or_default().push((node, quarters));
+            let around = parts(self).around(node);
+            let quarters = around.into_iter().map(|e| own.quarter(model, self, e)).sum();
+            parted.entry(self.surface.original(node as usize)).or_default().push((node, quarters));
         }
         for (original, nodes) in parted {
             let [x, y, z, _] = model.free[original];
@@ -117,29 +117,70 @@ impl Wound {
     fn take_tetrahedra(&mut self, model: &Model, own: &Tetrahedra, gone: Vec<u32>) -> Removal {
         let mut removal = Removal::default();
         let corners: Vec<[u32; 4]> = gone.iter().map(|e| parts(self).corners()[*e as usize]).collect();
-        self.totals.tetrahedra += gone.len();
-        self.totals.volume += gone.iter().map(|e| own.arrays.volume(*e as usize)).sum::<f64>();
         self.measure_nodes(model, corners.as_flattened());
-        for node in corners.as_flattened().iter().copied().collect::<BTreeSet<u32>>() {
-            let around = parts(self).around(node);
-            if around.is_empty() {
-                self.leave(node, &mut removal);
-                continue;
-            }
-            let free = &mut self.free[node as usize];
-            if model.mass != Mass::Uniform {
-                free[3] = around.into_iter().map(|e| own.quarter(model, e)).sum();
-            }
-            removal.free.push((node, *free));
-        }
-        self.change_operator(own, &gone, &mut removal);
+        self.count(own, &gone);
+        self.take_masses(model, own, corners.as_flattened(), &mut removal);
+        self.change_operator(own, &gone, &[], &mut removal);
         removal.cells = gone;
         removal
     }
 
-    /// Has the operator follow changed or removed tetrahedra.
-    fn change_operator(&mut self, own: &Tetrahedra, changed: &[u32], removal: &mut Removal) {
-        if changed.is_empty() {
+    /// Counts removed tetrahedra, and what was left of their volumes.
+    fn count(&mut self, own: &Tetrahedra, gone: &[u32]) {
+        self.totals.tetrahedra += gone.len();
+        let volume = |e: &u32| own.arrays.volume(*e as usize) * self.surface.share(*e as usize);
+        self.totals.volume += gone.iter().map(volume).sum::<f64>();
+    }
+
+    /// Gives nodes the masses of what is left around them.
+    fn take_masses(&mut self, model: &Model, own: &Tetrahedra, nodes: &[u32], removal: &mut Removal) {
+        for node in nodes.iter().copied().collect::<BTreeSet<u32>>() {
+            let around = parts(self).around(node);
+            if around.is_empty() {
+                self.leave(node, removal);
+                continue;
+            }
+            if model.mass != Mass::Uniform {
+                self.free[node as usize][3] = around.into_iter().map(|e| own.quarter(model, self, e)).sum();
+            }
+            removal.free.push((node, self.free[node as usize]));
+        }
+    }
+
+    /// Removes space: the tetrahedra that were reached lose stiffness and mass with their volume, and those with less than [`LEAST`] left are
+    /// removed as by [`Self::carve_tetrahedra`].
+    pub(super) fn carve_space_of_tetrahedra(&mut self, model: &Model, own: &Tetrahedra, carved: &Carved) -> Removal {
+        let thinned = self.surface.carve(carved);
+        let mut removal = Removal::default();
+        if thinned.is_empty() {
+            return removal;
+        }
+        let lost = |of: &Thinned| own.arrays.volume(of.cell as usize) * (of.before - of.after);
+        self.totals.volume += thinned.iter().map(lost).sum::<f64>();
+        let below: Vec<u32> = thinned.iter().filter(|of| of.after < LEAST).map(|of| of.cell).collect();
+        let gone = parts(self).carve(&below);
+        self.count(own, &gone);
+        for (at, topmost) in self.surface.extent(carved) {
+            let at = [0, 1, 2].map(|n| at[n] + model.position[n]);
+            self.all.add(&at);
+            if topmost {
+                self.top.add(&at);
+            }
+        }
+        let left: Vec<&Thinned> = thinned.iter().filter(|of| self.surface.present()[of.cell as usize]).collect();
+        let volumes: Vec<(u32, f64)> =
+            left.iter().map(|of| (of.cell, own.arrays.volume(of.cell as usize) * of.after)).collect();
+        let changed = thinned.iter().map(|of| of.cell).chain(gone.iter().copied());
+        let nodes: Vec<u32> = changed.flat_map(|e| self.surface.corners_of_tetrahedra()[e as usize]).collect();
+        self.take_masses(model, own, &nodes, &mut removal);
+        self.change_operator(own, &gone, &volumes, &mut removal);
+        removal.cells = gone;
+        removal
+    }
+
+    /// Has the operator follow changed or removed tetrahedra, and the volumes that are left of others, m³.
+    fn change_operator(&mut self, own: &Tetrahedra, changed: &[u32], volumes: &[(u32, f64)], removal: &mut Removal) {
+        if changed.is_empty() && volumes.is_empty() {
             return;
         }
         let parts = parts(self);
@@ -150,7 +191,7 @@ impl Wound {
         let changes: Vec<(u32, [u32; 4])> = changed.iter().map(now).collect();
         let operator: &mut Arc<Arrays<f64>> = self.operator.get_or_insert_with(|| Arc::new(own.arrays.clone()));
         let arrays = Arc::make_mut(operator);
-        let found: Changes = arrays.change(&changes);
+        let found: Changes = arrays.change(&changes, volumes);
         arrays.set_blocks(&found.nodes);
         let word = |(e, corners): &(u32, [u32; 4])| {
             let (e, corners) = (*e, *corners);

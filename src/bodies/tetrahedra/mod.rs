@@ -38,7 +38,7 @@ use crate::kernels::cut::Hit;
 use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
-use crate::mesh::{EDGES, Grid, PER_CELL};
+use crate::mesh::{Carved, EDGES, Grid, PER_CELL};
 use crate::scene::{
     Cut, Element, Integrator, Law, Layer, Mass, Material, PRECONDITIONER, Preconditioner, Scene, Skin, TetrahedralMesh,
 };
@@ -186,9 +186,10 @@ impl Tetrahedra {
         wound.operator.as_deref().unwrap_or(&self.arrays)
     }
 
-    /// Mass that a tetrahedron gives each of its corners, kg.
-    fn quarter(&self, model: &Model, e: usize) -> f64 {
-        0.25 * self.density[model.grid.tetrahedron_layer(e)] * self.arrays.volume(e)
+    /// Mass that a tetrahedron gives each of its corners, by the share of it that is left, kg.
+    fn quarter(&self, model: &Model, wound: &Wound, e: usize) -> f64 {
+        let whole = self.density[model.grid.tetrahedron_layer(e)] * self.arrays.volume(e);
+        0.25 * whole * wound.surface.share(e)
     }
 }
 
@@ -263,8 +264,8 @@ impl Mechanics for Tetrahedra {
         own + lists + self.domain_count(&model.grid) * (size_of::<[f64; 2]>() + size_of::<u32>())
     }
 
-    fn energy(&self, _: &Model, Snapshot { u, split, .. }: &Snapshot, _: &[V4<f64>]) -> f64 {
-        self.arrays.by_corners(split).energy(u, self.corotational)
+    fn energy(&self, _: &Model, Snapshot { u, split, shares, .. }: &Snapshot, _: &[V4<f64>]) -> f64 {
+        self.arrays.by_corners(split, shares).energy(u, self.corotational)
     }
 
     fn linearised(&self, _: &Model) -> bool {
@@ -280,7 +281,7 @@ impl Mechanics for Tetrahedra {
     ) -> [Vec<V4<f64>>; 2] {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
-        let arrays = self.arrays.by_corners(&solved.start.split);
+        let arrays = self.arrays.by_corners(&solved.start.split, &solved.start.shares);
         let mut params = model.params::<f64>();
         let rotations = match self.law {
             None => arrays.rotations(&solved.start.u, self.corotational),
@@ -386,11 +387,14 @@ impl Mechanics for Tetrahedra {
 
     /// Nothing cuts or carves those of a grid.
     fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
-        if model.unstructured().is_some() { wound.surface.linked_share(cell) } else { 1.0 }
+        if model.unstructured().is_none() {
+            return 1.0;
+        }
+        wound.surface.linked_share(cell) * wound.surface.share(cell)
     }
 
     fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
-        let arrays = self.arrays.by_corners(&state.split);
+        let arrays = self.arrays.by_corners(&state.split, &state.shares);
         let gradients = arrays.displacement_gradients(&state.u);
         let of = |(e, h): &(usize, &M3<f64>)| {
             !is_removed(&arrays.corners[*e]) && holds(model.grid.tetrahedron_layer(*e), M3::identity() + **h)
@@ -418,6 +422,10 @@ impl Mechanics for Tetrahedra {
         wound.carve_tetrahedra(model, self, cells)
     }
 
+    fn carve_space(&self, model: &Model, wound: &mut Wound, carved: &Carved) -> Removal {
+        wound.carve_space_of_tetrahedra(model, self, carved)
+    }
+
     fn pieces(&self, wound: &Wound) -> Option<usize> {
         Some(wound.surface.tetrahedra()?.pieces())
     }
@@ -427,7 +435,7 @@ impl Mechanics for Tetrahedra {
             return wound.mass_of_nodes();
         }
         let present = wound.surface.present().iter().enumerate().filter(|(_, here)| **here);
-        present.map(|(e, _)| 4.0 * self.quarter(model, e)).sum()
+        present.map(|(e, _)| 4.0 * self.quarter(model, wound, e)).sum()
     }
 
     /// As of hexahedra, of the same material.

@@ -113,9 +113,14 @@ impl Arrays<f64> {
         }
     }
 
-    /// Gives tetrahedra other corners, or removes them (all corners the same).
-    pub fn change(&mut self, changes: &[(u32, [u32; 4])]) -> Changes {
+    /// Gives tetrahedra other corners, or removes them (all corners the same), and others the volumes that are left of them, m³.
+    pub fn change(&mut self, changes: &[(u32, [u32; 4])], volumes: &[(u32, f64)]) -> Changes {
         let mut touched: BTreeSet<u32> = BTreeSet::new(); // nodes
+        for (e, volume) in volumes {
+            let at = *e as usize;
+            touched.extend(self.corners[at]);
+            self.gradients[3 * at][3] = *volume;
+        }
         for (e, corners) in changes {
             let at = *e as usize;
             touched.extend(self.corners[at].iter().chain(corners));
@@ -124,7 +129,8 @@ impl Arrays<f64> {
                 self.gradients[3 * at..3 * at + 3].fill([0.0; 4]);
             }
         }
-        let mut tetrahedra: BTreeSet<u32> = changes.iter().map(|(e, _)| *e).collect();
+        let mut tetrahedra: BTreeSet<u32> =
+            changes.iter().map(|(e, _)| *e).chain(volumes.iter().map(|(e, _)| *e)).collect();
         let domains = if self.smoothed { self.divide_domains(&mut tetrahedra) } else { vec![] };
         // removed tetrahedra may stay in the lists: they add zeros
         let lists = !changes.iter().all(|(_, corners)| is_removed(corners));
@@ -149,16 +155,18 @@ impl Arrays<f64> {
         }
     }
 
-    /// The operator by the corners of all tetrahedra; by those of the body as it is if there are none.
-    pub fn by_corners(&self, corners: &[u32]) -> Cow<'_, Self> {
+    /// The operator by the corners of all tetrahedra, and the shares that are left of them; by those of the body as it is if there are none.
+    pub fn by_corners(&self, corners: &[u32], shares: &[f64]) -> Cow<'_, Self> {
         let (corners, _) = corners.as_chunks();
         let other = (0u32..).zip(corners).zip(&self.corners).filter(|((_, now), own)| now != own);
         let changes: Vec<(u32, [u32; 4])> = other.map(|((e, now), _)| (e, *now)).collect();
-        if changes.is_empty() {
+        let thinned = shares.iter().enumerate().filter(|(_, share)| **share > 0.0 && **share < 1.0);
+        let volumes: Vec<(u32, f64)> = thinned.map(|(e, share)| (e as u32, share * self.volume(e))).collect();
+        if changes.is_empty() && volumes.is_empty() {
             return Cow::Borrowed(self);
         }
         let mut out = self.clone();
-        out.change(&changes);
+        out.change(&changes, &volumes);
         Cow::Owned(out)
     }
 
