@@ -72,11 +72,11 @@ pub struct Patches<R> {
 /// Parts of the arrays that a cut has changed, each in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// Tetrahedra with other corners or domains, or that were removed.
+    /// Tetrahedra with other corners, domains or volumes, or that were removed.
     pub tetrahedra: Vec<u32>,
     /// Nodes with another volume or block.
     pub nodes: Vec<u32>,
-    /// Domains with other tetrahedra.
+    /// Domains with other tetrahedra or volumes.
     pub domains: Vec<u32>,
     /// The lists of nodes and domains have changed, everywhere.
     pub lists: bool,

@@ -146,8 +146,8 @@
 //! ```
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > cli > serve, window > session > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
-//!   bodies > mesh, gpu > kernels, scene > formats > http, error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
+//! - Imports go downward: main > cli > serve, window > session > report > runner, output, view > step > haptic > backend > collide > constraints >
+//!   bodies > mesh, gpu, linear > kernels, scene > formats > http, error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
 //!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.

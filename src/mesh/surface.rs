@@ -134,7 +134,7 @@ impl Surface {
     /// What tools carve.
     fn tissue(&self) -> Tissue<'_> {
         let tetrahedra = self.tetrahedra.as_ref();
-        Tissue { grid: &self.of, tetrahedra, alive: tetrahedra.map_or(&self.alive, |of| of.present()) }
+        Tissue { of: &self.of, tetrahedra, alive: tetrahedra.map_or(&self.alive, |of| of.present()) }
     }
 
     /// Makes what carving needs, once.

@@ -432,9 +432,9 @@ impl TetrahedralParts {
         face.corners().iter().for_each(|node| extend(behind, (self.rest(*node) + self.offset(*node)).to_array()));
     }
 
-    /// Volume at rest of the tetrahedra that are there, with the nodes that they have now, and its change at displacements `u`, `[node]` m,
-    /// m³.
-    pub fn volume(&self, u: &[V4<f64>]) -> [f64; 2] {
+    /// Volume at rest of the tetrahedra that are there, by the `share` of each, with the nodes that they have now, and its change at displacements
+    /// `u`, `[node]` m, m³.
+    pub fn volume(&self, share: impl Fn(usize) -> f64, u: &[V4<f64>]) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (e, ids) in self.corners().iter().enumerate().filter(|(e, _)| self.present()[*e]) {
             let x = self.of.mesh.corners(e).map(V3::of);
@@ -443,7 +443,8 @@ impl TetrahedralParts {
             let ([a, b, c], [p, q, r]) = ([1, 2, 3].map(|k| x[k] - x[0]), [1, 2, 3].map(|k| u[k] - u[0]));
             let linear = p.dot(b.cross(c)) + a.dot(q.cross(c)) + a.dot(b.cross(r));
             let rest = a.dot(q.cross(r)) + p.dot(b.cross(r)) + p.dot(q.cross(c)) + p.dot(q.cross(r));
-            sum = [sum[0] + a.dot(b.cross(c)) / 6.0, sum[1] + (linear + rest) / 6.0];
+            let sixth = share(e) / 6.0;
+            sum = [sum[0] + a.dot(b.cross(c)) * sixth, sum[1] + (linear + rest) * sixth];
         }
         sum
     }

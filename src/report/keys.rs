@@ -294,7 +294,7 @@ pub struct Periods {
 pub struct CutReport {
     /// Removed hexahedra.
     pub hexes_removed: usize,
-    /// Volume at rest of the removed hexahedra and tetrahedra.
+    /// Volume at rest of the removed hexahedra and tetrahedra, and of what was carved out of others.
     pub removed_mm3: f64,
     /// Removed tetrahedra, with those that springs hold together no more.
     pub tets_removed: usize,

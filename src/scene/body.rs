@@ -225,7 +225,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         let damping =
             scene.required("spring_damping_n_s_m", damping, table.clone(), "law = \"springs\" asks for it")?;
         if raw.mesh.is_none() {
-            let why = "only springs along the edges of a `mesh` are fitted to young_kpa";
+            let why = "law = \"springs\" of a grid asks for it; those of a `mesh` may be fitted to young_kpa";
             scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?;
         }
         Ok(Law::Springs { stiffness, damping })

@@ -25,7 +25,7 @@ pub struct Tool {
     pub round: Option<Round>,
     /// Points and segments of a tool that touches with these only; such a tool has neither blade nor points nor a round surface.
     pub lines: Option<Lines>,
-    /// Removal of the cells that the tool touches, for tools that carve.
+    /// Removal of the tissue that the tool touches, for tools that carve.
     pub carve: Option<Carve>,
     /// Half edges of a box around the body's origin, m.
     pub cuboid: Option<[f64; 3]>,

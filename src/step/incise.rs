@@ -174,14 +174,15 @@ impl Simulation {
             let area: f64 = cells.iter().filter_map(|cell| areas.get(cell)).sum();
             near().map(|t| t.force).sum::<f64>() >= carve.pressure * area
         };
-        let taken: Vec<DVec3> =
-            touched.iter().filter(|here| here.gap <= carve.distance).filter(presses).map(|here| here.at).collect();
-        let mut cells = BTreeSet::new();
+        let taken: Vec<&Touched> = touched.iter().filter(|here| here.gap <= carve.distance).filter(presses).collect();
+        let beside = |cell: u32| body.wound.surface.beside(cell as usize).into_iter().map(|cell| cell as u32);
+        // a face may be larger than the mean width
+        let mut cells: BTreeSet<u32> = taken.iter().flat_map(|here| beside(here.cell)).collect();
         for face in &body.located.faces[tool] {
             let corners = face.corners();
             let centre = corners.iter().map(|node| rest(*node)).sum::<DVec3>() / corners.len() as f64;
-            if taken.iter().any(|at| at.distance(centre) <= 1.5 * width) {
-                cells.extend(body.wound.surface.beside(face.cell as usize).into_iter().map(|cell| cell as u32));
+            if taken.iter().any(|here| here.at.distance(centre) <= 1.5 * width) {
+                cells.extend(beside(face.cell));
             }
         }
         cells.into_iter().collect()

@@ -68,6 +68,8 @@ fn booked(model: &Model, wound: &Wound) -> [f64; 2] {
             count(cell, x * y * z, *here);
         }),
     }
+    let [left, _] = wound.volume(model, &vec![[0.0; 4]; model.node_count()]);
+    assert!(((whole - gone) / left - 1.0).abs() < 1e-12, "{left:e} m³ left of {whole:e}");
     let mass = wound.mass_of_nodes() - model.mechanics().mass_left(model, wound);
     [(wound.totals.volume - gone) / whole, mass / model.free.iter().map(|free| free[3]).sum::<f64>()]
 }

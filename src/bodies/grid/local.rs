@@ -185,10 +185,10 @@ impl Hexahedra {
 }
 
 impl Wound {
-    /// Volume of the present cells at rest, of those that a surface cuts their share, and its change at displacements `u`, `[node]` m, m³.
+    /// Volume of the present cells at rest, of those that a surface cuts or tools have carved their share, and its change at displacements `u`, `[node]` m, m³.
     pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
         if let Some(parts) = self.surface.tetrahedra() {
-            return parts.volume(u);
+            return parts.volume(|e| self.surface.share(e), u);
         }
         let alive: Vec<usize> = (0..model.grid.cell_count()).filter(|cell| self.surface.alive[*cell]).collect();
         // det F is at most quadratic along each axis, so the Gauss points' mean is exact

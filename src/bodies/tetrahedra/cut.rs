@@ -1,7 +1,7 @@
 //! Cuts through a mesh of tetrahedra, and carving. Links over faces are severed and nodes are duplicated
 //! ([`crate::mesh::TetrahedralParts`]); a node has the quarters of the masses of its tetrahedra, of a uniform mass the share of its original
 //! that these make. Alternatively, a crossed link removes the tetrahedron in whose half the blade crossed it. A node without tetrahedra
-//! leaves the system.
+//! leaves the system. Space carved out of tetrahedra ([`crate::mesh::Pit`]) leaves them a share of their volume, in the operator and the masses.
 //!
 //! The duplicates follow the nodes of the mesh in all arrays from the start, fixed and without mass, and every kernel runs over them: a
 //! reserve of 500 nodes takes as long as 500 more nodes of the mesh.
