@@ -70,7 +70,7 @@ pub struct Pit {
 pub struct Tissue<'a> {
     /// The grid of the body.
     pub of: &'a Grid,
-    /// Tetrahedra of a mesh, [`TetrahedralParts::prepare`]d.
+    /// Tetrahedra of a mesh, prepared for changes.
     pub tetrahedra: Option<&'a TetrahedralParts>,
     /// `[cell]` or `[tetrahedron]`: false if removed.
     pub alive: &'a [bool],

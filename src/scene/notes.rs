@@ -1,10 +1,13 @@
 //! Notes on a valid scene: what runs, but is seldom meant.
 
-use super::{BodyId, LoadKind, Region, Scene};
+use super::{BodyId, LoadKind, Region, Scene, Skin};
 use glam::DVec3;
 
 /// Share of a step by which a duration may miss a multiple of it; decimal numbers of the file are rounded to 10⁻¹⁶ of their value.
 const WHOLE: f64 = 1e-6;
+
+/// Poisson's ratio above which tetrahedra are not for: errors in `bodies::tetrahedra`.
+const MOST_OF_TETRAHEDRA: f64 = 0.49;
 
 /// A body's centre and the radius of a ball around it, m.
 #[derive(Clone, Copy)]
@@ -15,7 +18,7 @@ struct Extent {
 
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds them and nothing is in their way. A body that nothing pushes may float.
+    /// holds them and nothing is in their way, nearly incompressible tetrahedra. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
         let (steps, time) = (self.time.duration / self.time.step, &self.time);
@@ -41,6 +44,17 @@ impl Scene {
             out.push(format!(
                 "nothing holds `{name}` and nothing is under it, so {by} it away; hold a region of it with [[boundary]], [[anchor]] or \
                  [[attach]], put a [[plane]] under it, or leave out gravity and loads"
+            ));
+        }
+        let nearly_incompressible = |skin: &&Skin| {
+            skin.law.is_tetrahedral() && skin.layers.iter().any(|layer| layer.poisson > MOST_OF_TETRAHEDRA)
+        };
+        for skin in self.skins.iter().filter(nearly_incompressible) {
+            let most = skin.layers.iter().map(|layer| layer.poisson).fold(0.0, f64::max);
+            out.push(format!(
+                "`{}` is of tetrahedra with poisson = {most}: above {MOST_OF_TETRAHEDRA} they are inexact (smoothed ones by up to a seventh at 0.499, \
+                 plain ones lock); take hexahedra (element = \"bbar\", or a surface with embed = \"bricks\")",
+                skin.name
             ));
         }
         out

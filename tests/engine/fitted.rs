@@ -114,7 +114,8 @@ fn stiffnesses_are_in_proportion_to_the_modulus_of_their_layer() {
         let mesh = TetrahedralMesh::new(mesh.nodes().to_vec(), mesh.tetrahedra().to_vec(), layers);
         skin.mesh = Some(Arc::new(mesh.unwrap_or_else(|defect| panic!("{defect}"))));
         skin.layers.push(skin.layers[0].clone());
-        (skin.layers[1].name, skin.layers[1].young) = ("stiff".into(), 3.0 * YOUNG);
+        skin.layers[1].name = "stiff".into();
+        skin.layers[1].young *= 3.0;
     };
     let mut scene = pulled(&layer(YOUNG), 0);
     halves(&mut scene);

@@ -1,7 +1,7 @@
 //! Meshes of tetrahedra that are cut and carved: what parts, what it weighs, and that the operator is that of what is left.
 
 use crate::ragged::{body, of_cells, split, through};
-use crate::small::held;
+use crate::small::{block, held};
 use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::bodies::{Model, Snapshot, Wound};
 use cutis::kernels::cut::Hit;
@@ -636,5 +636,63 @@ fn hundreds_of_steps_of_random_cuts_stay_finite() {
         assert_eq!(state.non_finite(), 0);
         let body = &simulation.bodies[0];
         assert!(faults(&scene, &body.model, &body.wound).is_empty());
+    }
+}
+
+/// Random links are severed and random elements carved, held ones and those of falling fragments too, until nine tenths of a body are gone; then
+/// the next body.
+#[test]
+#[ignore = "10,000 steps: cargo test --release --test engine ten_thousand -- --ignored --nocapture"]
+fn ten_thousand_steps_of_cutting_and_carving_lose_nothing() {
+    let mut of_cells = block([6e-3, 4e-3], [6, 4], &[(2, 2e-3, 30e3, 0.45, 1000.0), (2, 2e-3, 100e3, 0.4, 1200.0)]);
+    let skin = &mut of_cells.skins[0];
+    (skin.law, skin.cut) = (Law::Hyperelastic(Material::NeoHookean), Cut::Remove);
+    let tetrahedra = split(Element::Tetra);
+    (of_cells.tools, of_cells.contact) = (tetrahedra.tools.clone(), tetrahedra.contact);
+    let mut large = tetrahedra.clone();
+    large.skins[0].law = Law::LargeTetra { material: Material::NeoHookean, element: Element::Tetra };
+    for (number, mut scene) in [of_cells, tetrahedra, large].into_iter().enumerate() {
+        scene.boundaries = vec![held(Region::Bottom, [true; 3])];
+        (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.01, 0.01);
+        scene.solver.tolerance = 1e-3;
+        scene.time.duration = 100.0;
+        let (mut done, mut bodies, mut totals) = (0, 0, [0; 3]);
+        while done < 3334 {
+            bodies += 1;
+            let platform = if bodies % 2 == 0 { Platform::Cpu32 } else { Platform::Cpu64 };
+            let mut simulation = Simulation::new(&scene, &platform).unwrap_or_else(|e| panic!("{e}"));
+            let mut random = Random::new(1000 * number as u64 + bodies);
+            let mut left = 1.0;
+            while left > 0.1 && done < 3334 {
+                done += 1;
+                let body = &mut simulation.bodies[0];
+                let links = body.model.mechanics().segment_count(&body.model);
+                let elements = body.model.cell_count();
+                let mut next = |below: usize| (0.4999 * (random.signed() + 1.0) * below as f64) as u32;
+                let mut chosen: Vec<u32> = (0..next(7)).map(|_| next(links)).collect();
+                chosen.sort_unstable();
+                chosen.dedup();
+                // a cell of a grid has three numbers of links, also at the borders
+                let (model, surface) = (&body.model, &body.wound.surface);
+                let beyond = |link: u32| surface.parts.beyond(link as usize / 3, link as usize % 3).is_some();
+                chosen.retain(|link| model.unstructured().is_some() || beyond(*link));
+                let hits: Vec<Hit<f64>> = chosen.iter().map(|link| Hit { segment: *link, at: 0.3 }).collect();
+                body.sever(&hits).expect("the CPU path has no device to fail");
+                let chosen: Vec<u32> = (0..next(3)).map(|_| next(elements)).collect();
+                body.carve(&chosen).expect("the CPU path has no device to fail");
+                let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+                assert!(!report.warnings.contains_key("non_finite_nodes"), "{:?}", report.warnings);
+                let body = &simulation.bodies[0];
+                let whole: f64 = body.model.free.iter().map(|free| free[3]).sum();
+                let mass = body.wound.mass_of_nodes();
+                let booked = mass - body.model.mechanics().mass_left(&body.model, &body.wound);
+                assert!(booked.abs() < 1e-12 * whole, "{booked:e} kg");
+                left = mass / whole;
+            }
+            let of = simulation.totals();
+            totals = [totals[0] + of.links, totals[1] + of.hexes, totals[2] + of.tetrahedra];
+            assert_eq!(simulation.bodies[0].snapshot().expect("it has a state").non_finite(), 0);
+        }
+        println!("body {number}: {done} steps of {bodies} bodies, {totals:?} links, hexahedra and tetrahedra");
     }
 }

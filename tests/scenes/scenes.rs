@@ -2,7 +2,7 @@
 //! cases in f32 too.
 
 use crate::forms::{RESIDUAL, ROUNDED, files, folder, hard, passes, report_of, scene, test_form};
-use cutis::scene::Scene;
+use cutis::scene::{Law, Material, Scene};
 use cutis::step::Platform;
 
 /// Runs a scene in f64 and asks for what every run must be and for the true residual that the scene wants.
@@ -142,6 +142,21 @@ fn a_duration_that_is_no_multiple_of_the_step_is_noted() {
     for (step, duration) in [(5e-3, 0.1), (0.1e-3, 0.3), (7e-3, 0.7), (1e-3, 1e3)] {
         assert_eq!(still(step, duration), [""; 0], "{duration} / {step}");
     }
+}
+
+#[test]
+fn nearly_incompressible_tetrahedra_are_noted() {
+    let mut skin = scene(&folder().join("skin_tetra.toml"));
+    let mut of = |poisson: f64, law: Option<Law>| {
+        skin.skins[0].layers[0].poisson = poisson;
+        skin.skins[0].law = law.unwrap_or(skin.skins[0].law);
+        skin.notes()
+    };
+    assert!(of(0.49, None).is_empty());
+    let notes = of(0.495, None);
+    assert!(notes.len() == 1 && notes[0].contains("0.495") && notes[0].contains("hexahedra"), "{notes:?}");
+    // hexahedra are for it
+    assert!(of(0.495, Some(Law::Hyperelastic(Material::NeoHookean))).is_empty());
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 pub mod cpu;
 mod cut;
-mod fit;
+pub mod fit;
 mod gpu;
 
 use super::gpu::{Maker, Recorded};
