@@ -71,15 +71,18 @@ pub fn grid_words(scene: &Scene) -> String {
     if all.is_empty() { "rigid".into() } else { all.join(" + ") }
 }
 
-/// The most complete law that the constants of a scene's layers suffice for: large strain. None for springs, which no other law can take the
-/// constants of, with a consistent mass, which hyperelastic bodies do not have, and for the tetrahedra of a mesh.
+/// The most complete law that the constants of a scene's layers suffice for: large strain, for the tetrahedra of a mesh with their own elements. None for
+/// springs, which no other law can take the constants of, and with a consistent mass, which hyperelastic bodies do not have.
 pub fn most_complete(scene: &Scene) -> Option<Law> {
     let complete = |skin: &Skin| match skin.law {
         Law::Hyperelastic(_) => Some(skin.law),
-        Law::Fem { .. } => {
-            (skin.mass != Mass::Consistent && skin.mesh.is_none()).then_some(Law::Hyperelastic(Material::NeoHookean))
+        Law::Fem { .. } if skin.mass == Mass::Consistent => None,
+        Law::Fem { element, .. } if skin.mesh.is_some() => {
+            Some(Law::LargeTetra { material: Material::NeoHookean, element })
         }
-        Law::LargeTetra { material, .. } => skin.mesh.is_none().then_some(Law::Hyperelastic(material)),
+        Law::Fem { .. } => Some(Law::Hyperelastic(Material::NeoHookean)),
+        Law::LargeTetra { material, .. } if skin.mesh.is_none() => Some(Law::Hyperelastic(material)),
+        Law::LargeTetra { .. } => Some(skin.law),
         Law::Springs { .. } => None,
     };
     let first = complete(scene.skins.first()?)?;
@@ -355,4 +358,26 @@ pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     };
     let correction = setting.correction.map(|_| Correction::Exact);
     Setting { preconditioner, stop, correction, platform: Platform::Cpu64, ..setting.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Element;
+    use std::path::Path;
+
+    #[test]
+    fn tetrahedra_of_a_mesh_have_large_strain_with_their_own_elements() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/skin_tetra.toml");
+        let mut scene = crate::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
+        let mut of = |law| {
+            scene.skins[0].law = law;
+            most_complete(&scene)
+        };
+        let large = |material| Law::LargeTetra { material, element: Element::Tetra };
+        let small = Law::Fem { element: Element::Tetra, corotational: true };
+        assert_eq!(of(small), Some(large(Material::NeoHookean)));
+        assert_eq!(of(large(Material::MooneyRivlin)), Some(large(Material::MooneyRivlin)));
+        assert_eq!(of(Law::Springs { stiffness: Some(1.0), damping: 0.0 }), None);
+    }
 }
