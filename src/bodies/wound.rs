@@ -184,6 +184,17 @@ impl Wound {
         }
     }
 
+    /// Extends the wound by space that was carved.
+    pub(super) fn measure_space(&mut self, model: &Model, carved: &Carved) {
+        for (at, topmost) in self.surface.extent(carved) {
+            let at = [0, 1, 2].map(|n| at[n] + model.position[n]);
+            self.all.add(&at);
+            if topmost {
+                self.top.add(&at);
+            }
+        }
+    }
+
     /// Marks a cell as open; `axis` points across the cut.
     pub(super) fn open_cell(&mut self, model: &Model, cell: u32, axis: usize) {
         self.open.push((cell, axis));

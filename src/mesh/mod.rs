@@ -23,7 +23,7 @@ pub use face::Face;
 pub use grid::Grid;
 pub use links::Links;
 pub use parts::{Change, FRAGMENT, Parts};
-pub use pit::{Carved, Distance, LEAST, Pit, Thinned, Tissue};
+pub use pit::{Carved, Distance, LEAST, Pit, TOP, Thinned, Tissue};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};

@@ -28,7 +28,7 @@ pub const LEAST: f64 = 0.05;
 const SWEEPS: usize = 8;
 
 /// Share of the thickness below the highest point in which points are of the top.
-const TOP: f64 = 1e-6;
+pub const TOP: f64 = 1e-6;
 
 /// Depth inside of what is removed that counts as outside, m.
 const NEAR: f64 = 1e-8;

@@ -153,14 +153,18 @@ impl Unstructured {
             + self.links.bytes()
     }
 
-    /// Displacement gradient of a tetrahedron at displacements `u`, `[node]` m.
-    pub fn displacement_gradient(&self, e: usize, u: &[V4<f64>]) -> M3<f64> {
+    /// Gradients of the shape functions of corners 1 to 3 of a tetrahedron, 1/m.
+    pub fn gradients(&self, e: usize) -> [V3<f64>; 3] {
         let [x, a, b, c] = self.mesh.corners(e).map(V3::of);
         let [a, b, c] = [a - x, b - x, c - x];
-        let [o, p, q, r] = self.mesh.tetrahedra()[e].map(|id| V3::from4(u[id as usize]));
-        // gradients of the shape functions
         let six = a.dot(b.cross(c));
-        let [ga, gb, gc] = [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / six));
+        [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / six))
+    }
+
+    /// Displacement gradient of a tetrahedron at displacements `u`, `[node]` m.
+    pub fn displacement_gradient(&self, e: usize, u: &[V4<f64>]) -> M3<f64> {
+        let [o, p, q, r] = self.mesh.tetrahedra()[e].map(|id| V3::from4(u[id as usize]));
+        let [ga, gb, gc] = self.gradients(e);
         (p - o).outer(ga) + (q - o).outer(gb) + (r - o).outer(gc)
     }
 }

@@ -1,18 +1,10 @@
 //! Springs fitted to Young's modulus: what the network of a mesh shows of it under even and local loads.
 
+use crate::networks::{parsed, scenes};
 use cutis::bodies::Kind;
-use cutis::scene::{Element, Files, Law, Material, Scene, TetrahedralMesh, parse};
+use cutis::scene::{Element, Law, Material, Scene, TetrahedralMesh};
 use cutis::step::{Platform, Simulation};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-fn scenes() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
-}
-
-fn parsed(text: &str) -> Result<Scene, String> {
-    parse(text, Path::new("fitted.toml"), &Files::Folder(scenes())).map_err(|error| error.to_string())
-}
 
 /// kPa
 const YOUNG: f64 = 200.0;

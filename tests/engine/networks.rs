@@ -7,7 +7,7 @@ use cutis::scene::{Boundary, Files, Integrator, Probe, ProbeKind, Region, Scene,
 use cutis::step::{Platform, Simulation};
 use std::path::{Path, PathBuf};
 
-fn scenes() -> PathBuf {
+pub fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
 }
 
@@ -15,7 +15,7 @@ fn text() -> String {
     std::fs::read_to_string(scenes().join("skin_springs_tetra.toml")).expect("the scene is there")
 }
 
-fn parsed(text: &str) -> Result<Scene, String> {
+pub fn parsed(text: &str) -> Result<Scene, String> {
     parse(text, Path::new("skin_springs_tetra.toml"), &Files::Folder(scenes())).map_err(|error| error.to_string())
 }
 

@@ -160,13 +160,7 @@ impl Wound {
         let before = (self.all, self.top);
         let mut removal = self.carve_cells(model, &gone);
         (self.all, self.top) = before;
-        for (at, topmost) in self.surface.extent(carved) {
-            let at = [0, 1, 2].map(|n| at[n] + model.position[n]);
-            self.all.add(&at);
-            if topmost {
-                self.top.add(&at);
-            }
-        }
+        self.measure_space(model, carved);
         let left = thinned.iter().filter(|own| self.surface.alive[own.cell as usize]);
         removal.scale = left.map(|own| (own.cell, law.scale(own.cell as usize) * own.after)).collect();
         // masses of nodes in use, from the cells that they have

@@ -185,7 +185,8 @@ impl Hexahedra {
 }
 
 impl Wound {
-    /// Volume of the present cells at rest, of those that a surface cuts or tools have carved their share, and its change at displacements `u`, `[node]` m, m³.
+    /// Volume of the present cells at rest, of those that a surface cuts or tools have carved their share, and its change at
+    /// displacements `u`, `[node]` m, m³.
     pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
         if let Some(parts) = self.surface.tetrahedra() {
             return parts.volume(|e| self.surface.share(e), u);

@@ -7,10 +7,8 @@ use crate::kernels::corner;
 use crate::kernels::cut::Hit;
 use crate::kernels::springs::elongation;
 use crate::math::{V3, V4};
+use crate::mesh::TOP;
 use glam::DVec3;
-
-/// Share of the thickness below the highest node in which nodes are of the top.
-const TOP: f64 = 1e-6;
 
 impl Model {
     /// Springs that are stretched beyond their limit at displacements `u`, `[node]` m, as if they were crossed in the middle.

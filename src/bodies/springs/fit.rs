@@ -2,14 +2,14 @@
 //!
 //! The start is `k = E Σ_e V_e / L²` over the tetrahedra `e` around an edge of length `L` (van Gelder 1998, equation 11): if the network
 //! strained evenly, its mean over all directions would be the isotropic material of modulus `E` and Poisson's ratio ¼, the only one of
-//! central forces. It does not: nodes give way. The network of
-//! scenes/meshes/skin_fine.msh is 1.4 times too stiff along x and y, 2.7 times too soft along z and 3.3 times in shear.
+//! central forces. It does not: nodes give way. The network of scenes/meshes/skin_fine.msh is 1.4 times too stiff along x and y, 2.7 times
+//! too soft along z and 3.3 times in shear.
 //!
 //! So each layer is taken alone and loaded in twelve ways, which bound what it does in a body (Huet 1990): free under even stresses along
 //! x, y, z and in shear of xy, yz, zx, and with an outside that follows even strains of these. The material's nine compliances
 //! (`1/E` along, `−ν/E` across, `2 (1 + ν)/E` in shear) and nine stiffnesses are matched as well as they can be together, by Gauss–Newton's
-//! method with the least change of `ln k`, squared and weighted with `k L²` at the start. A mean strain `S_ij`, of stress `i` by stress `j`, changes by `∂S_ij/∂ln k_s = −k_s e_s^i e_s^j / V`,
-//! `e_s` the elongation of spring `s` and `V` the volume; a mean stress by as much upwards: these are shares of the elastic energy.
+//! method with the least change of `ln k`, squared and weighted with `k L²` at the start. A mean strain `S_ij`, of stress `i` by stress
+//! `j`, changes by `∂S_ij/∂ln k_s = −k_s e_s^i e_s^j / V`, `e_s` the elongation of spring `s` and `V` the volume; a mean stress by as much upwards: these are shares of the elastic energy.
 //!
 //! Six rounds, of some hundred iterations of conjugate gradients for each load; more leave the errors as they are. Matching the compliances
 //! alone works to any accuracy, even with a Poisson's ratio of 0.45, and is no use: between rollers such a network is a quarter too stiff, and
@@ -24,7 +24,8 @@ use crate::kernels::advance::Request;
 use crate::linear::{Slot, solve};
 use crate::math::elementary::{exp, ln};
 use crate::math::{M3, V3, V4, solve_definite};
-use crate::scene::{Layer, TetrahedralMesh};
+use crate::mesh::Unstructured;
+use crate::scene::Layer;
 use std::sync::atomic::AtomicBool;
 
 /// Rounds of Gauss–Newton's method.
@@ -54,10 +55,10 @@ const COUNT: usize = 2 * MATCHED.len();
 ///
 /// # Errors
 /// [`Refused::SpringFit`] where a solve does not end.
-pub(super) fn stiffnesses(springs: &Springs, mesh: &TetrahedralMesh, layers: &[Layer]) -> Result<Vec<f64>> {
+pub(super) fn stiffnesses(springs: &Springs, of: &Unstructured, layers: &[Layer]) -> Result<Vec<f64>> {
     let mut all = vec![0.0; springs.ends.len()];
     for (number, layer) in layers.iter().enumerate() {
-        let mut network = Network::new(springs, mesh, number as u32);
+        let mut network = Network::new(springs, of, number as u32);
         if network.fit().is_none() {
             return Err(Refused::SpringFit { layer: layer.name.clone() }.into());
         }
@@ -97,7 +98,8 @@ struct Network {
 
 impl Network {
     /// Of a layer, with the stiffnesses to start from.
-    fn new(springs: &Springs, mesh: &TetrahedralMesh, layer: u32) -> Self {
+    fn new(springs: &Springs, of: &Unstructured, layer: u32) -> Self {
+        let mesh = &of.mesh;
         let count = mesh.nodes().len();
         let span = |spring: usize| {
             let [a, b] = springs.ends[spring].map(|node| V3::of(mesh.nodes()[node as usize]));
@@ -108,12 +110,14 @@ impl Network {
         let mut parts = vec![(V3::zero(), 0.0); count];
         let mut volume = 0.0;
         for e in (0..mesh.tetrahedra().len()).filter(|e| mesh.layers()[*e] == layer) {
-            volume += mesh.volume(e);
+            let own = mesh.volume(e);
+            volume += own;
             for spring in springs.tetrahedra.springs[e] {
                 let span = span(spring as usize);
-                stiffness[spring as usize] += mesh.volume(e) / span.dot(span);
+                stiffness[spring as usize] += own / span.dot(span);
             }
-            for (node, g) in gradients(mesh, e) {
+            let [a, b, c] = of.gradients(e).map(|gradient| gradient * own);
+            for (node, g) in mesh.tetrahedra()[e].into_iter().zip([V3::zero() - a - b - c, a, b, c]) {
                 let (sum, size) = &mut parts[node as usize];
                 (*sum, *size) = (*sum + g, *size + g.length());
             }
@@ -248,13 +252,4 @@ impl Network {
         let never = AtomicBool::new(false);
         solve(slot, &request, size, MOST_ITERATIONS, &never, product, precondition).converged.then_some(())
     }
-}
-
-/// Corners of a tetrahedron with their `∫ ∇N dV`, m².
-fn gradients(mesh: &TetrahedralMesh, e: usize) -> [(u32, V3<f64>); 4] {
-    let [o, a, b, c] = mesh.corners(e).map(V3::of);
-    let [a, b, c] = [a - o, b - o, c - o];
-    let [ga, gb, gc] = [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / 6.0));
-    let all = [V3::zero() - ga - gb - gc, ga, gb, gc];
-    std::array::from_fn(|c| (mesh.tetrahedra()[e][c], all[c]))
 }

@@ -139,7 +139,7 @@ impl Springs {
             None => Self::between_corners(grid, one, damping),
         };
         if let (None, Some(of)) = (stiffness, &grid.unstructured) {
-            let fitted = fit::stiffnesses(&springs, &of.mesh, layers)?;
+            let fitted = fit::stiffnesses(&springs, of, layers)?;
             springs.law = fitted.into_iter().map(|k| [0.0, k, damping, 0.0]).collect();
         }
         if layers.iter().any(|layer| layer.break_strain.is_finite()) {

@@ -17,14 +17,11 @@ use super::Tetrahedra;
 use super::operator::{Arrays, Changes};
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::cut::Hit;
-use crate::mesh::{Carved, LEAST, Severed, TetrahedralParts, Thinned};
+use crate::mesh::{Carved, LEAST, Severed, TOP, TetrahedralParts, Thinned};
 use crate::scene::Mass;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// Share of the thickness below the highest node in which nodes are of the top.
-const TOP: f64 = 1e-6;
 
 /// Tetrahedra of a body that has them.
 fn parts(wound: &mut Wound) -> &mut TetrahedralParts {
@@ -160,16 +157,10 @@ impl Wound {
         let below: Vec<u32> = thinned.iter().filter(|of| of.after < LEAST).map(|of| of.cell).collect();
         let gone = parts(self).carve(&below);
         self.count(own, &gone);
-        for (at, topmost) in self.surface.extent(carved) {
-            let at = [0, 1, 2].map(|n| at[n] + model.position[n]);
-            self.all.add(&at);
-            if topmost {
-                self.top.add(&at);
-            }
-        }
-        let left: Vec<&Thinned> = thinned.iter().filter(|of| self.surface.present()[of.cell as usize]).collect();
+        self.measure_space(model, carved);
+        let left = thinned.iter().filter(|of| self.surface.present()[of.cell as usize]);
         let volumes: Vec<(u32, f64)> =
-            left.iter().map(|of| (of.cell, own.arrays.volume(of.cell as usize) * of.after)).collect();
+            left.map(|of| (of.cell, own.arrays.volume(of.cell as usize) * of.after)).collect();
         let changed = thinned.iter().map(|of| of.cell).chain(gone.iter().copied());
         let nodes: Vec<u32> = changed.flat_map(|e| self.surface.corners_of_tetrahedra()[e as usize]).collect();
         self.take_masses(model, own, &nodes, &mut removal);
