@@ -16,7 +16,7 @@ pub use law::Law;
 pub use proximal::{Effort, LooseTolerance, solve};
 
 use crate::math::elementary::hypot;
-use crate::math::larger;
+use crate::math::{inner_product, larger};
 
 /// How a contact solve ended.
 #[derive(Clone, Copy, Debug, Default)]
@@ -130,7 +130,7 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
 /// `δ` of a row, m.
 fn violation(w: &[f64], free: &[f64], force: &[f64], row: usize) -> f64 {
     let line = &w[row * force.len()..(row + 1) * force.len()];
-    free[row] + line.iter().zip(force).map(|(w, f)| w * f).sum::<f64>()
+    free[row] + inner_product(line, force)
 }
 
 /// Least diagonal entry of `W` that counts as compliance, m/N.

@@ -6,6 +6,7 @@
 
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
+use crate::math::inner_product;
 use crate::scene::BodyId;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
@@ -233,5 +234,5 @@ impl<'a> Rows<'a> {
 /// `λᵀ W λ`, N·m; 0 where rounding would make it negative.
 pub(super) fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
-    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
+    rows.map(|(line, l)| l * inner_product(line, lambda)).sum::<f64>().max(0.0)
 }

@@ -196,32 +196,34 @@ impl Compliance {
         self.known.iter().filter(move |(node, k)| k.solved > 0 && moves(node, k)).map(|(node, _)| *node)
     }
 
-    /// Gives nodes without columns those of the nearest node that has some: the compliance towards a node is the lender's towards the one at
-    /// the nearest relative place.
+    /// Gives nodes in use without columns those of the nearest node that has some: the compliance towards another in use is the lender's
+    /// towards the one at the nearest relative place.
     fn borrow(&mut self, places: Places) {
         let place = |node: u32| DVec3::from_array(places.rest[node as usize]);
         let lenders: Vec<u32> = self.lenders().collect();
-        let borrowers = self.known.iter().filter(|(_, k)| k.solved == 0);
-        let borrowers: Vec<u32> = borrowers.map(|(node, _)| *node).collect();
-        for node in borrowers {
+        let in_use = self.known.iter().filter(|(_, k)| k.used == self.step);
+        let in_use: Vec<(u32, bool)> = in_use.map(|(node, k)| (*node, k.solved > 0)).collect();
+        for (node, _) in in_use.iter().copied().filter(|(_, solved)| !solved) {
             let far = |lender: &&u32| place(**lender).distance_squared(place(node));
             let Some(lender) = lenders.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else { return };
-            let lent = self.known[lender].towards.clone();
-            let others: Vec<u32> = self.known.keys().copied().filter(|other| *other != node).collect();
-            for other in others {
+            let own = self.known[lender].towards.get(lender).copied();
+            // what it lends, with the place of each relative to it
+            let lent = self.known[lender].towards.iter().filter(|(to, _)| *to != lender);
+            let lent: Vec<(DVec3, DMat3)> = lent.map(|(to, block)| (place(*to) - place(*lender), *block)).collect();
+            for (other, _) in in_use.iter().copied().filter(|(other, _)| *other != node) {
                 if !self.known[&node].towards.contains_key(&other) {
                     // the solved columns of the other node may reach this one; of two nodes of a wound's lips none is the other
                     let known = self.known[&other].towards.get(&node).map(DMat3::transpose);
-                    let wanted = place(other) - place(node) + place(*lender);
-                    let off = |(to, _): &(&u32, &DMat3)| place(**to).distance_squared(wanted);
-                    let nearest = lent.iter().filter(|(to, _)| *to != lender).min_by(|a, b| off(a).total_cmp(&off(b)));
-                    if let Some(block) = known.or(nearest.map(|(_, block)| *block)) {
+                    let wanted = place(other) - place(node);
+                    let off = |(to, _): &&(DVec3, DMat3)| to.distance_squared(wanted);
+                    let nearest = || lent.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map(|(_, block)| *block);
+                    if let Some(block) = known.or_else(nearest) {
                         self.set(node, other, block);
                     }
                 }
             }
-            if let Some(own) = lent.get(lender) {
-                self.set(node, node, *own);
+            if let Some(own) = own {
+                self.set(node, node, own);
             }
         }
     }

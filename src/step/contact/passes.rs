@@ -14,6 +14,7 @@
 use super::Problem;
 use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
+use crate::math::inner_product;
 use crate::scene::Correction;
 use crate::step::body::Places;
 use crate::step::rows::energy;
@@ -47,7 +48,7 @@ const LEFT: f64 = 0.1;
 const LEFT_OF_ROW: f64 = 1e-2;
 
 fn norm(a: &[f64]) -> f64 {
-    a.iter().map(|a| a * a).sum::<f64>().sqrt()
+    inner_product(a, a).sqrt()
 }
 
 pub(super) fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
@@ -84,8 +85,7 @@ struct Pass {
 impl Problem<'_> {
     /// Violations without force, by the model `W`, from those `found` under `lambda`.
     fn without_force(&self, found: &[f64], lambda: &[f64]) -> Vec<f64> {
-        let product = |line: &[f64]| line.iter().zip(lambda).map(|(w, l)| w * l).sum::<f64>();
-        found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - product(line)).collect()
+        found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - inner_product(line, lambda)).collect()
     }
 
     /// Updates `W` to the observations, `y = W s` for each change `s` of the forces and `y` of the true violations, so that it stays
@@ -101,17 +101,16 @@ impl Problem<'_> {
         if self.law.correction != Correction::Exact {
             return;
         }
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         for Observation { s, y, noise } in &self.observations {
             let rows = s.len();
-            let modelled: Vec<f64> = self.w.chunks_exact(rows).map(|line| dot(line, s)).collect();
-            let (of_model, found) = (dot(s, &modelled), dot(s, y));
+            let modelled: Vec<f64> = self.w.chunks_exact(rows).map(|line| inner_product(line, s)).collect();
+            let (of_model, found) = (inner_product(s, &modelled), inner_product(s, y));
             if !of_model.is_normal() || norm(&less(y, &modelled)) <= *noise {
                 continue;
             }
             let share = if found < LEFT * of_model { (1.0 - LEFT) * of_model / (of_model - found) } else { 1.0 };
             let y: Vec<f64> = y.iter().zip(&modelled).map(|(y, m)| share * y + (1.0 - share) * m).collect();
-            let found = dot(s, &y);
+            let found = inner_product(s, &y);
             for (i, line) in self.w.chunks_exact_mut(rows).enumerate() {
                 let (a, b) = (y[i] / found, modelled[i] / of_model);
                 line.iter_mut().zip(y.iter().zip(&modelled)).for_each(|(w, (y, m))| *w += a * y - b * m);
