@@ -15,6 +15,7 @@ use crate::math::elementary::cbrt;
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::fmt;
+use std::sync::OnceLock;
 
 /// Most names of groups in a message.
 const NAMED: usize = 12;
@@ -27,6 +28,18 @@ pub struct TetrahedralMesh {
     layers: Vec<u32>,
     size: [f64; 3],
     groups: Vec<Group>,
+    fitted: Fitted,
+}
+
+/// `[layer][spring]` stiffnesses of the springs along the edges, N/m per Pa, once they are known. They follow from the mesh: equal meshes are
+/// equal with and without.
+#[derive(Clone, Debug, Default)]
+struct Fitted(OnceLock<Vec<Vec<f64>>>);
+
+impl PartialEq for Fitted {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// What is wrong with tetrahedra.
@@ -142,7 +155,7 @@ impl TetrahedralMesh {
         let origin = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]];
         nodes.iter_mut().for_each(|x| (0..3).for_each(|n| x[n] -= origin[n]));
         let size = [0, 1, 2].map(|n| high[n] - low[n]);
-        Self { nodes, tetrahedra, layers, size, groups: vec![] }
+        Self { nodes, tetrahedra, layers, size, groups: vec![], fitted: Fitted::default() }
     }
 
     /// `[node]` rest position in the body's frame, m.
@@ -158,6 +171,21 @@ impl TetrahedralMesh {
     /// `[tetrahedron]` layer of the body.
     pub fn layers(&self) -> &[u32] {
         &self.layers
+    }
+
+    /// `[layer][spring]` what `fit` finds for springs along the edges, N/m per Pa; it is asked once.
+    ///
+    /// # Errors
+    /// Those of `fit`.
+    pub(crate) fn fitted_springs<E>(
+        &self,
+        fit: impl FnOnce() -> std::result::Result<Vec<Vec<f64>>, E>,
+    ) -> std::result::Result<&[Vec<f64>], E> {
+        if let Some(known) = self.fitted.0.get() {
+            return Ok(known);
+        }
+        let found = fit()?;
+        Ok(self.fitted.0.get_or_init(|| found))
     }
 
     /// Edge of a cube of six mean tetrahedra, m.

@@ -97,6 +97,16 @@ fn a_fitted_mesh_stretches_as_its_material_along_each_axis() {
 fn stiffnesses_are_in_proportion_to_the_modulus_of_their_layer() {
     let [one, double] = [1.0, 2.0].map(|factor| displacement(&pulled(&layer(factor * YOUNG), 0)));
     assert!((one / double - 2.0).abs() < 1e-3, "{one}, {double}");
+    // a change between steps takes the fit that is there
+    let mut simulation = Simulation::new(&pulled(&layer(YOUNG), 0), &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let stiffnesses = |simulation: &Simulation| match &simulation.bodies[0].model.kind {
+        Kind::Springs(springs) => springs.law.iter().map(|law| law[1]).collect::<Vec<_>>(),
+        _ => panic!("springs"),
+    };
+    let before = stiffnesses(&simulation);
+    simulation.change(|scene| scene.skins[0].layers[0].young *= 2.0).unwrap_or_else(|e| panic!("{e}"));
+    let doubled: Vec<f64> = before.iter().map(|k| 2.0 * k).collect();
+    assert!(before[0] > 0.0 && stiffnesses(&simulation) == doubled, "{:?}", &before[..3]);
     // a stiff upper half takes its share of the pull: the mean of the moduli, since both halves are stretched alike
     let halves = |scene: &mut Scene| {
         let skin = &mut scene.skins[0];

@@ -51,20 +51,21 @@ const STIFFNESSES: [f64; 9] = [1.2, 1.2, 1.2, 0.4, 0.4, 0.4, 0.4, 0.4, 0.4];
 /// Number of both.
 const COUNT: usize = 2 * MATCHED.len();
 
-/// `[spring]` N/m
+/// `[layer][spring]` for a modulus of 1 Pa, N/m per Pa.
 ///
 /// # Errors
 /// [`Refused::SpringFit`] where a solve does not end.
-pub(super) fn stiffnesses(springs: &Springs, of: &Unstructured, layers: &[Layer]) -> Result<Vec<f64>> {
-    let mut all = vec![0.0; springs.ends.len()];
-    for (number, layer) in layers.iter().enumerate() {
+pub(super) fn stiffnesses(springs: &Springs, of: &Unstructured, layers: &[Layer]) -> Result<Vec<Vec<f64>>> {
+    let of_layer = |(number, layer): (usize, &Layer)| {
         let mut network = Network::new(springs, of, number as u32);
         if network.fit().is_none() {
             return Err(Refused::SpringFit { layer: layer.name.clone() }.into());
         }
-        network.springs.iter().for_each(|spring| all[spring.number] += layer.young * spring.stiffness);
-    }
-    Ok(all)
+        let mut all = vec![0.0; springs.ends.len()];
+        network.springs.iter().for_each(|spring| all[spring.number] = spring.stiffness);
+        Ok(all)
+    };
+    layers.iter().enumerate().map(of_layer).collect()
 }
 
 /// A spring that is linear at rest.

@@ -139,8 +139,9 @@ impl Springs {
             None => Self::between_corners(grid, one, damping),
         };
         if let (None, Some(of)) = (stiffness, &grid.unstructured) {
-            let fitted = fit::stiffnesses(&springs, of, layers)?;
-            springs.law = fitted.into_iter().map(|k| [0.0, k, damping, 0.0]).collect();
+            let fitted = of.mesh.fitted_springs(|| fit::stiffnesses(&springs, of, layers))?;
+            let of_spring = |spring: usize| fitted.iter().zip(layers).map(|(k, layer)| layer.young * k[spring]).sum();
+            springs.law = (0..springs.ends.len()).map(|spring| [0.0, of_spring(spring), damping, 0.0]).collect();
         }
         if layers.iter().any(|layer| layer.break_strain.is_finite()) {
             (springs.breaks, springs.breaks_at) = (true, springs.limits(grid, layers));
