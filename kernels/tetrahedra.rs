@@ -27,7 +27,8 @@ pub const FEWEST: usize = 1024;
 /// Arrays of a mesh, as the kernels read them; a cut changes them ([`crate::bodies::tetrahedra::operator`]).
 #[derive(Clone, Debug, Default)]
 pub struct Arrays<R> {
-    /// Volume averaged at nodes, deviator over edges; otherwise plain elements, whose arrays of domains are empty.
+    /// Volume averaged at nodes, deviator over edges; otherwise plain elements, whose arrays of domains are empty
+    /// or, of a hyperelastic law, have a domain for each tetrahedron.
     pub smoothed: bool,
     /// `[tetrahedron]` nodes.
     pub corners: Vec<[u32; 4]>,

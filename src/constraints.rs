@@ -115,7 +115,8 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
         let rows = law.rows();
         let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
         // a constraint on a node that is held already is redundant, not dropped
-        found.dropped += u32::from(!law.is_constraint() && c[..rows].contains(&0.0));
+        let unknown = (first..first + rows).any(|row| !w[row * (force.len() + 1)].is_finite());
+        found.dropped += u32::from(unknown || !law.is_constraint() && c[..rows].contains(&0.0));
         let projected = law.project(of_rows(law, |k| trial_force(w, free, force, first + k, c[k])));
         for k in 0..rows {
             let change = (force[first + k] - projected[k]).abs();

@@ -71,14 +71,6 @@ impl Model {
         }
     }
 
-    /// True if a node, or a point of an embedded surface, belongs to a region.
-    pub(super) fn point_is_in(&self, region: &Region, id: u32) -> bool {
-        match (&self.grid.embedded, (id as usize).checked_sub(self.node_count())) {
-            (Some(embedded), Some(point)) => embedded.surface.point_is_in(point, region),
-            _ => self.grid.contains(region, id as usize),
-        }
-    }
-
     /// A material point of the surface as nodes alone: a point of an embedded surface moves with those of its cell.
     pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
         let Some(embedded) = &self.grid.embedded else { return point };

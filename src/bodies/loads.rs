@@ -13,9 +13,10 @@
 //! a neo-Hookean block of ν 0.45 under a twentieth of its Young's modulus does, under a fifth it does not, and the step ends in an error.
 //! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, which is why the pressure lags.
 //!
-//! A triangle of a mesh or of an embedded surface is loaded as a whole, where its three corners are in the region: `f_a = t A/3`, and a
-//! follower pressure gives each corner `−p/6 (x_1 − x_0) × (x_2 − x_0)`, which is exact. On an embedded surface the same force acts at the middles
-//! of equal parts of the triangle, at most a third of a cell wide, by the shape functions of the cells that they are in: shared by the corners, it
+//! A triangle of a mesh or of an embedded surface has parts in the region that are triangles too: a part of the area `A` with its middle at the
+//! barycentric coordinates `b_a` gives the corners `f_a = t A b_a`, which is exact, of a follower pressure with
+//! `t A = −p s/2 (x_1 − x_0) × (x_2 − x_0)`, `s` the part's share of the triangle at rest. On an embedded surface the same force acts at the middles
+//! of equal parts of it, at most a third of a cell wide, by the shape functions of the cells that they are in: shared by the corners, it
 //! would reach some nodes more than others (centre of a skin block aslant under 10 kPa −9 and +10 % off on 1 and 0.7 mm cells).
 //!
 //! After a cut a face keeps its load, on the nodes that its cell has then.
@@ -25,7 +26,7 @@ use super::Model;
 use crate::kernels::corner;
 use crate::math::V3;
 use crate::mesh::{Face as Outer, Grid, MaterialPoint, trilinear};
-use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans};
+use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans, TrianglePart, share_of};
 
 /// Parts of a loaded triangle of an embedded surface per width of a cell, along each of its edges.
 const PARTS: f64 = 3.0;
@@ -213,21 +214,27 @@ impl Model {
         }
     }
 
-    /// Triangles with their corners in a region, and their corners after a cut.
+    /// Triangles with parts in a region, their corners after a cut, and these parts.
     fn triangles<'a>(
         &'a self,
         outside: &'a [Outer],
         region: &'a Region,
         corners: &'a impl Fn(usize) -> [usize; 8],
-    ) -> impl Iterator<Item = [[u32; 3]; 2]> + 'a {
-        let at_rest = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k]);
-        let inside = move |face: &&Outer| at_rest(face).iter().all(|id| self.point_is_in(region, *id));
-        outside.iter().filter(inside).map(move |face| {
-            let own = at_rest(face);
-            let Some(of) = self.unstructured() else { return [own; 2] };
-            let whole = of.mesh.tetrahedra()[face.cell as usize];
-            let now = corners(face.cell as usize);
-            [own, own.map(|id| whole.iter().position(|other| *other == id).map_or(id, |k| now[k] as u32))]
+    ) -> impl Iterator<Item = ([[u32; 3]; 2], Vec<TrianglePart>)> + 'a {
+        outside.iter().filter_map(move |face| {
+            let own = [0, 1, 2].map(|k| face.nodes[k]);
+            let parts = match (self.unstructured(), &self.grid.embedded) {
+                (Some(of), _) => of.mesh.parts_in(region, own),
+                (None, Some(of)) => of.surface.parts_in(region, own.map(|id| id - self.node_count() as u32)),
+                (None, None) => vec![],
+            };
+            let now = || {
+                let Some(of) = self.unstructured() else { return own };
+                let whole = of.mesh.tetrahedra()[face.cell as usize];
+                let now = corners(face.cell as usize);
+                own.map(|id| whole.iter().position(|other| *other == id).map_or(id, |k| now[k] as u32))
+            };
+            (!parts.is_empty()).then(|| ([own, now()], parts))
         })
     }
 
@@ -245,9 +252,9 @@ impl Model {
         let at_rest = |corners: [u32; 3]| corners.map(|id| V3::of(self.rest_of_point(id)));
         let area: f64 = self
             .triangles(outside, &load.region, corners)
-            .map(|[own, _]| 0.5 * area_twice(at_rest(own)).length())
+            .map(|([own, _], parts)| 0.5 * area_twice(at_rest(own)).length() * parts.iter().map(share_of).sum::<f64>())
             .sum();
-        for [own, now] in self.triangles(outside, &load.region, corners) {
+        for ([own, now], parts) in self.triangles(outside, &load.region, corners) {
             let rest = at_rest(own);
             let own = 0.5 * area_twice(rest).length();
             let force = match load.kind {
@@ -263,7 +270,7 @@ impl Model {
                 LoadKind::Force(force) => V3::of(force) * (own / area),
                 LoadKind::PointForce { .. } => V3::zero(), // acts at its point
             };
-            for (point, share) in self.spread(rest, now) {
+            for (point, share) in parts.iter().flat_map(|part| self.spread(rest, now, part)) {
                 let part = (force * share).f64();
                 for (node, weight) in point.0 {
                     (0..3).for_each(|n| out[node as usize][n] += part[n] * weight);
@@ -272,13 +279,15 @@ impl Model {
         }
     }
 
-    /// Points that a uniform load on a triangle acts at, with their shares: its corners, or of an embedded surface the middles of equal parts
-    /// that are at most a third of a cell wide.
-    fn spread(&self, rest: [V3<f64>; 3], corners: [u32; 3]) -> Vec<(MaterialPoint, f64)> {
+    /// Points that a uniform load on a part of a triangle acts at, with their shares of the whole triangle's: its corners, or of an embedded
+    /// surface the middles of equal parts that are at most a third of a cell wide.
+    fn spread(&self, rest: [V3<f64>; 3], corners: [u32; 3], part: &TrianglePart) -> Vec<(MaterialPoint, f64)> {
+        let all = share_of(part);
         if self.grid.embedded.is_none() {
-            return corners.map(|corner| (MaterialPoint::node(corner), 1.0 / 3.0)).into();
+            let share = |k: usize| all * part.iter().map(|corner| corner[k]).sum::<f64>() / 3.0;
+            return [0, 1, 2].map(|k| (MaterialPoint::node(corners[k]), share(k))).into();
         }
-        let [a, b, c] = rest;
+        let [a, b, c] = part.map(|[p, q, r]| rest[0] * p + rest[1] * q + rest[2] * r);
         // cells that it reaches over, along the axis along which these are most
         let heights = self.grid.heights.windows(2).map(|ends| ends[1] - ends[0]);
         let width = [self.grid.edge[0], self.grid.edge[1], heights.fold(f64::INFINITY, f64::min)];
@@ -288,7 +297,7 @@ impl Model {
         // parts turned like the triangle, and between them those turned the other way
         let lower = (0..rows).flat_map(|i| (0..rows - i).map(move |j| [i, j].map(|n| n as f64 + 1.0 / 3.0)));
         let upper = (1..rows).flat_map(|i| (0..rows - i).map(move |j| [i as f64 - 1.0 / 3.0, j as f64 + 2.0 / 3.0]));
-        let share = 1.0 / (rows * rows) as f64;
+        let share = all / (rows * rows) as f64;
         let params = self.grid.params::<f64>();
         let point = |[p, q]: [f64; 2]| {
             let [p, q] = [p, q].map(|n| n / rows as f64);
@@ -300,7 +309,11 @@ impl Model {
                     MaterialPoint::of(params.corners(cell).map(|id| id as u32), trilinear(natural))
                 }
                 // where there is no cell, with the corners
-                None => self.on_nodes(MaterialPoint::of(corners, [1.0 - p - q, p, q])),
+                None => {
+                    let [first, second, third] = part;
+                    let weight = |k: usize| (1.0 - p - q) * first[k] + p * second[k] + q * third[k];
+                    self.on_nodes(MaterialPoint::of(corners, [0, 1, 2].map(weight)))
+                }
             }
         };
         lower.chain(upper).map(|at| (point(at), share)).collect()
@@ -312,7 +325,7 @@ impl Model {
         if let Some(outside) = self.outside() {
             let triangles = followed().flat_map(|load| self.triangles(outside, &load.region, &corners));
             let mut nodes: Vec<u32> = triangles
-                .flat_map(|[_, now]| now)
+                .flat_map(|([_, now], _)| now)
                 .flat_map(|id| self.on_nodes(MaterialPoint::node(id)).0)
                 .map(|(node, _)| node)
                 .collect();

@@ -194,7 +194,7 @@ pub trait Mechanics {
     fn carve(&self, _: &Model, _: &mut Wound, _: &[u32]) -> Removal {
         unreachable!("tools carve hexahedra and tetrahedra alone")
     }
-    /// Removes space from a grid of hexahedra of a large-strain law; returns the changes for the backend.
+    /// Removes space from hexahedra of a large-strain law or from smoothed tetrahedra; returns the changes for the backend.
     fn carve_space(&self, _: &Model, _: &mut Wound, _: &Carved) -> Removal {
         unreachable!("scenes refuse to carve space out of others")
     }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 pub struct Totals {
     /// Removed cells.
     pub hexes: usize,
-    /// Volume at rest of the removed cells and tetrahedra, m³.
+    /// Volume at rest of the removed cells and tetrahedra, and of space carved out of others, m³.
     pub volume: f64,
     /// Removed springs.
     pub springs_removed: usize,

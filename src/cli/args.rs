@@ -432,7 +432,7 @@ pub enum Precondition {
     Block,
     /// Block-tridiagonal along each column of nodes
     Column,
-    /// A V-cycle of geometric multigrid; hexahedra only
+    /// A V-cycle of geometric multigrid; of tetrahedra on a grid around them
     Multigrid,
     /// An exact sparse factor; hexahedra only, on the CPU path, which `auto` then takes
     Direct,

@@ -1,8 +1,8 @@
 //! Laws of contacts and constraints: the forces that each allows, and what the solvers need of it.
 //!
 //! A law has one to three rows, each with one force. Rows are projected in groups, one after the other: a friction disc after the normal
-//! force that sets its radius. [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`] describe a law completely; the solvers
-//! know no particular law.
+//! force that sets its radius. [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`] describe a law, with what
+//! [`Law::under_relaxes`] and [`Law::is_constraint`] say of it; the solvers know no particular law.
 
 use super::between;
 use crate::math::elementary::hypot;

@@ -58,8 +58,8 @@ pub struct Effort {
     pub tolerance: f64,
     /// Loose tolerance, accepted where the tight one is not reached quickly.
     pub loose: LooseTolerance,
-    /// Most row updates (each takes as many multiplications as there are rows). A step that has begun is finished: up to 20 sweeps and one
-    /// elimination more.
+    /// Most row updates (each takes as many multiplications as there are rows). A step that has begun is finished: up to 20 sweeps and two
+    /// eliminations more, with eight trials each.
     pub updates: u64,
 }
 

@@ -326,6 +326,8 @@ impl Scene {
         for (k, tool) in self.tools.iter().enumerate() {
             tool::check(&several("tools", k), tool)?;
         }
+        let held_first = self.tools.windows(2).all(|pair| pair[0].free.is_none() || pair[1].free.is_some());
+        scene.of("tools").that(held_first, "a held tool after a free one", "those that hands hold first")?;
         for (k, plane) in self.planes.iter().enumerate() {
             several("planes", k).finite("through", &plane.through)?;
             several("planes", k).unit("normal", &plane.normal)?;
@@ -504,8 +506,9 @@ impl Scene {
         let correction = part.of("correction");
         let ties = contact.correction == Correction::Uncoupled && !self.attachments.is_empty();
         correction.that(!ties, "Uncoupled", "Exact where bodies are tied")?;
-        let cut = contact.correction == Correction::Precomputed && self.tools.iter().any(|tool| tool.blade.is_some());
-        correction.that(!cut, "Precomputed", "Exact where a tool has a blade")?;
+        let changes = self.tools.iter().any(|tool| tool.blade.is_some()) || self.skins.iter().any(Skin::breaks);
+        let cut = contact.correction == Correction::Precomputed && changes;
+        correction.that(!cut, "Precomputed", "Exact where a tool has a blade or springs break")?;
         super::tools::carves(&self.file, &self.skins, &self.tools, contact.correction)
     }
 }

@@ -9,7 +9,7 @@ use super::raw::At;
 use super::region::{Group, Region};
 use super::tetrahedral::groups;
 use super::text::{SceneText, in_mm};
-use super::{Integrator, Law, Mass, Probe, ProbeKind, STEP, Scene, Skin};
+use super::{Integrator, Law, Mass, Probe, ProbeKind, STEP, Scene, Skin, TrianglePart};
 use crate::formats::Mesh;
 use glam::DVec3;
 use std::borrow::Cow;
@@ -216,6 +216,13 @@ impl ClosedSurface {
             Region::Group(group) => self.groups.iter().any(|own| own.name() == group.name() && own.holds(point)),
             _ => region.holds(self.points[point], [x, y], thickness),
         }
+    }
+
+    /// Parts of a triangle of its points that belong to a region.
+    pub fn parts_in(&self, region: &Region, triangle: [u32; 3]) -> Vec<TrianglePart> {
+        let [x, y, thickness] = self.size;
+        let inside = triangle.map(|id| self.point_is_in(id as usize, region));
+        region.parts_of_triangle(triangle.map(|id| self.points[id as usize]), inside, [x, y], thickness)
     }
 
     /// True if a region holds the corners of a triangle, as halved in a grid of this extent, m, and so many cells along x and y.

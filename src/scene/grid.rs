@@ -198,8 +198,11 @@ impl Grid<'_> {
 
     /// True if the region contains a part of the surface.
     pub fn loads(&self, region: &Region) -> bool {
-        if self.mesh.is_some() || self.surface.is_some() {
-            return self.holds_face(region);
+        if let Some(surface) = self.surface {
+            return surface.triangles().iter().any(|corners| !surface.parts_in(region, *corners).is_empty());
+        }
+        if let Some(mesh) = self.mesh {
+            return mesh.outside().iter().any(|corners| !mesh.parts_in(region, *corners).is_empty());
         }
         let rows = [0, 1, 2].map(|axis| {
             let cells = |row: &Row| {

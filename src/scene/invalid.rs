@@ -97,8 +97,8 @@ pub enum Invalid {
         fix: &'static str,
     },
 
-    /// Precomputed compliances in a scene with a blade: a cut would invalidate them.
-    #[error("{}: correction = \"precomputed\" has the compliance of the uncut body, but a tool has a blade; take \"exact\"", path.display())]
+    /// Precomputed compliances in a scene with a blade or springs that break, which would invalidate them.
+    #[error("{}: correction = \"precomputed\" has the compliance of the whole body, but a tool has a blade or springs break; take \"exact\"", path.display())]
     PrecomputedCut {
         /// The scene file.
         path: PathBuf,

@@ -44,7 +44,7 @@ pub use read::{incision, parse, read};
 pub use recorded::{
     Check, Component, FIXED_COLUMNS, Output, OutputField, Probe, ProbeKind, SurfaceFormat, TestForm, View,
 };
-pub use region::{ACROSS, CellFace, Group, Region, Spans};
+pub use region::{ACROSS, CellFace, Group, Region, Spans, TrianglePart, share_of};
 pub use study::Study;
 pub use tetrahedral::{Defect, TetrahedralMesh};
 pub use text::nearest;

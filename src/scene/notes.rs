@@ -9,6 +9,9 @@ const WHOLE: f64 = 1e-6;
 /// Poisson's ratio above which tetrahedra are not for: errors in `bodies::tetrahedra`.
 const MOST_OF_TETRAHEDRA: f64 = 0.49;
 
+/// Sizes of bodies that a file is likely to mean, m.
+const SIZES: std::ops::Range<f64> = 1e-4..10.0;
+
 /// A body's centre and the radius of a ball around it, m.
 #[derive(Clone, Copy)]
 struct Extent {
@@ -18,7 +21,7 @@ struct Extent {
 
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds them and nothing is in their way, nearly incompressible tetrahedra. A body that nothing pushes may float.
+    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
         let (steps, time) = (self.time.duration / self.time.step, &self.time);
@@ -29,6 +32,20 @@ impl Scene {
                 time.duration,
                 (f64::from(count) * time.step * 1e6).round() / 1e6
             ));
+        }
+        for skin in self.skins.iter().filter(|skin| skin.mesh.is_some() || skin.embedded.is_some()) {
+            let across = skin.size[0].max(skin.size[1]).max(skin.thickness());
+            if !SIZES.contains(&across) {
+                let mm = 1e3 * across;
+                out.push(format!(
+                    "`{}` is {mm:.3e} mm across by its file; write mesh_unit_mm = 1000 if that is in metres",
+                    skin.name
+                ));
+            }
+        }
+        for load in self.loads.iter().filter(|load| load.start >= time.duration) {
+            let (start, end) = (load.start, time.duration);
+            out.push(format!("a load starts at {start} s, when the run of {end} s is over"));
         }
         let kept = self.kept();
         for (number, id) in self.movable().into_iter().enumerate() {

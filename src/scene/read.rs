@@ -105,7 +105,8 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
         return Err(Invalid::UncoupledTies { path: file.to_path_buf() });
     }
-    if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
+    let changes = tools.iter().any(|tool| tool.blade.is_some()) || skins.iter().any(Skin::breaks);
+    if contact.correction == Correction::Precomputed && changes {
         return Err(Invalid::PrecomputedCut { path: file.to_path_buf() });
     }
     tools::carves(file, &skins, &tools, contact.correction)?;

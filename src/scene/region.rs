@@ -1,5 +1,6 @@
 //! Regions: sets of nodes selected by their rest positions, or by a group of a mesh.
 
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Tolerance for rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
@@ -93,6 +94,21 @@ impl Group {
 /// Rectangle in a face: intervals along its two axes, in shares of its edges, 0 to 1.
 pub type Spans = [[f64; 2]; 2];
 
+/// Part of a triangle: the barycentric coordinates of the part's corners.
+pub type TrianglePart = [[f64; 3]; 3];
+
+/// All of a triangle.
+const WHOLE: TrianglePart = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// Share of a triangle that a part of it has.
+pub fn share_of(part: &TrianglePart) -> f64 {
+    let [a, b, c] = part.map(DVec3::from_array);
+    a.dot(b.cross(c)).abs()
+}
+
+/// Share of a triangle below which a part of it is rounding.
+const NO_PART: f64 = 1e-12;
+
 /// Face of a cell, perpendicular to an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct CellFace {
@@ -110,6 +126,54 @@ pub const ACROSS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 /// Pieces of an edge of a face of which each belongs to a curved or slanted region as its middle does. A disc of the diameter of an edge has
 /// its area within 1 %; with twice as many pieces the difference is a third, at four times the cost.
 const PIECES: u32 = 16;
+
+/// Equal parts of a triangle, [`PIECES`] along each edge: those turned as it is, and those between them.
+fn pieces() -> impl Iterator<Item = TrianglePart> {
+    let at = |i: u32, j: u32| {
+        let [p, q] = [i, j].map(|n| f64::from(n) / f64::from(PIECES));
+        [1.0 - p - q, p, q]
+    };
+    let rows = |first: u32| (first..PIECES).flat_map(|i| (0..PIECES - i).map(move |j| (i, j)));
+    let turned = rows(0).map(move |(i, j)| [at(i, j), at(i + 1, j), at(i, j + 1)]);
+    turned.chain(rows(1).map(move |(i, j)| [at(i, j), at(i, j + 1), at(i - 1, j + 1)]))
+}
+
+/// Parts of a triangle in a box, cut side by side (Sutherland, Hodgman 1974).
+fn parts_in_box(corners: [[f64; 3]; 3], min: &[f64; 3], max: &[f64; 3]) -> Vec<TrianglePart> {
+    let mut polygon = WHOLE.to_vec();
+    for (axis, bound, sign) in (0..3).flat_map(|n| [(n, min[n], 1.0), (n, max[n], -1.0)]) {
+        let within = corners.map(|corner| sign * (corner[axis] - bound));
+        // touching is inside, whatever the rounding
+        if within.iter().all(|depth| *depth >= -SLACK) {
+            continue;
+        }
+        let depth = |at: &[f64; 3]| (0..3).map(|k| at[k] * within[k]).sum::<f64>();
+        let mut left = vec![];
+        for (k, to) in polygon.iter().enumerate() {
+            let from = &polygon[(k + polygon.len() - 1) % polygon.len()];
+            let [before, after] = [depth(from), depth(to)];
+            if (before < 0.0) != (after < 0.0) {
+                let t = before / (before - after);
+                left.push([0, 1, 2].map(|n| from[n] + t * (to[n] - from[n])));
+            }
+            if after >= 0.0 {
+                left.push(*to);
+            }
+        }
+        polygon = left;
+    }
+    let fan = (2..polygon.len()).map(|k| [polygon[0], polygon[k - 1], polygon[k]]);
+    fan.filter(|part| share_of(part) > NO_PART).collect()
+}
+
+/// True if the box around a triangle lies outside a ball.
+fn beyond_ball(corners: &[[f64; 3]; 3], centre: &[f64; 3], radius: f64) -> bool {
+    let to_interval = |n: usize| {
+        let [a, b, c] = corners.map(|corner| corner[n]);
+        (a.min(b).min(c) - centre[n]).max(centre[n] - a.max(b).max(c)).max(0.0)
+    };
+    (0..3).map(|n| to_interval(n).powi(2)).sum::<f64>() > (radius + SLACK).powi(2)
+}
 
 impl CellFace {
     /// Position in it at shares of its edges, m.
@@ -155,6 +219,33 @@ impl Region {
                 pieces.filter(|spans| holds(spans.map(middle))).collect()
             }
             _ if holds([0.5; 2]) => vec![[[0.0, 1.0]; 2]],
+            _ => vec![],
+        }
+    }
+
+    /// Parts of a triangle of the surface that belong to the region, by its corners at rest, m, and which of these belong to it: exact for boxes, of
+    /// curved and slanted regions the 16 × 16 parts whose middles they hold, of others the whole triangle if they hold its corners.
+    pub fn parts_of_triangle(
+        &self,
+        corners: [[f64; 3]; 3],
+        inside: [bool; 3],
+        size: [f64; 2],
+        thickness: f64,
+    ) -> Vec<TrianglePart> {
+        let all = inside == [true; 3];
+        match self {
+            Self::Box { .. } | Self::Sphere { .. } | Self::Plane { .. } | Self::Core(_) if all => vec![WHOLE],
+            Self::Box { min, max } => parts_in_box(corners, min, max),
+            Self::Sphere { centre, radius } if beyond_ball(&corners, centre, *radius) => vec![],
+            Self::Sphere { .. } | Self::Plane { .. } | Self::Rim(_) | Self::Core(_) => {
+                let holds = |part: &TrianglePart| {
+                    let middle = [0, 1, 2].map(|k| part.iter().map(|corner| corner[k]).sum::<f64>() / 3.0);
+                    let at = [0, 1, 2].map(|n| (0..3).map(|k| middle[k] * corners[k][n]).sum());
+                    self.holds(at, size, thickness)
+                };
+                pieces().filter(holds).collect()
+            }
+            _ if all => vec![WHOLE],
             _ => vec![],
         }
     }

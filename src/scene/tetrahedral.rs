@@ -9,7 +9,7 @@ use super::limits::{LONGEST, MOST_NODES};
 use super::raw::At;
 use super::region::{Group, Region};
 use super::text::{SceneText, shorten};
-use super::{Layer, Skin};
+use super::{Layer, Skin, TrianglePart};
 use crate::formats::{self, Mesh, faces};
 use crate::math::elementary::cbrt;
 use glam::DVec3;
@@ -256,6 +256,13 @@ impl TetrahedralMesh {
             Region::Group(group) => group.holds(node),
             _ => region.holds(self.nodes[node], [x, y], thickness),
         }
+    }
+
+    /// Parts of a triangle of its nodes that belong to a region.
+    pub fn parts_in(&self, region: &Region, triangle: [u32; 3]) -> Vec<TrianglePart> {
+        let [x, y, thickness] = self.size;
+        let inside = triangle.map(|node| self.node_is_in(node as usize, region));
+        region.parts_of_triangle(triangle.map(|node| self.nodes[node as usize]), inside, [x, y], thickness)
     }
 
     /// The tetrahedron at a position in the body's frame, and the position's barycentric coordinates in it: of those that contain it the

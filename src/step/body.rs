@@ -55,7 +55,7 @@ pub struct Body {
     /// Accelerations of the nodes on paths over the present step, mass damping included, m/s².
     pub(super) accelerations: BTreeMap<u32, [f64; 3]>,
     /// Displacements of the nodes that follower pressures act on, at the start of the step, m.
-    pressed: BTreeMap<u32, [f64; 3]>,
+    pub(super) pressed: BTreeMap<u32, [f64; 3]>,
     /// Factor on the scene's column tolerance for this body.
     pub(super) tolerance_factor: f64,
     /// Most nodes whose compliance is kept.

@@ -104,7 +104,7 @@ struct Problem<'a> {
     pub observations: Vec<Observation>,
     /// `W` of the columns, updated by the observations, m/N.
     pub w: Vec<f64>,
-    /// `[row]` forces in the solve of the unconstrained motion: those of the last step, or zero; N.
+    /// `[row]` forces in the solve of the unconstrained motion: those of the last step, of penalties, or zero; N.
     pub included: Vec<f64>,
     /// `[contact]` displacement of the first body relative to the second by that solve, m: without forces on rigid bodies, with the
     /// included ones on deformable bodies.
@@ -357,7 +357,7 @@ impl Simulation {
                 position: tool.position,
                 rotation: tool.rotation,
                 axes: sides.iter().map(|(row, sign)| rows.axis(*row) * *sign).collect(),
-                arms: sides.iter().map(|(row, _)| rows.contact(*row).0.point - tool.position).collect(),
+                arms: sides.iter().map(|(row, _)| rows.arm_of(*row, number)).collect(),
                 laws: touching.map(|contact| contact.law).collect(),
                 compliance: sides
                     .iter()

@@ -216,7 +216,7 @@ impl Simulation {
                     booked.cutting -= work.iter().sum::<f64>();
                     continue;
                 }
-                Law::Coulomb { bound, .. } if along[0] >= bound => {
+                Law::Coulomb { .. } if contact.law.at_bound(*along) => {
                     booked.cutting -= work[0];
                     (0.0, work[1] + work[2])
                 }

@@ -393,6 +393,7 @@ fn other_end(
                 false => Ok((inside().ok_or(distance)?, at)),
             }
         }
-        _ => Ok((MaterialPoint::default(), at)),
+        (BodyId::Deformable(_), None) => Err(f64::INFINITY),
+        (BodyId::Plane(_) | BodyId::World, _) => Ok((MaterialPoint::default(), at)),
     }
 }

@@ -21,6 +21,7 @@ use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
+use crate::math::V3;
 use crate::mesh::{Carved, Face, MaterialPoint};
 use crate::scene::BodyId;
 use glam::DVec3;
@@ -124,23 +125,26 @@ impl Simulation {
             for tool in tools {
                 self.bodies[number].wound.surface.prepare();
                 let near = self.carved_cells(tool, number, report);
-                let reach = self.scene.tools[tool].carve.map_or(0.0, |carve| carve.distance);
+                // from the surface that contacts keep away from the tool
+                let kept = self.scene.contact.map_or(0.0, |contact| contact.distance);
+                let reach = self.scene.tools[tool].carve.map_or(0.0, |carve| carve.distance) + kept;
                 let body = &mut self.bodies[number];
                 let carved = body.reached(&near, (tool, &self.tools[tool]), reach)?;
                 removed += body.carve_space(&carved)?;
             }
             report.carved += removed;
             self.epoch += u32::from(self.bodies[number].wound.totals.volume > volume);
-            self.book_removal(number, mass);
+            self.book_removal(number, mass, self.bodies[number].boxes.farthest());
         }
         Ok(())
     }
 
-    /// Books what a body has lost of its `mass` before, kg: mass that has left takes its potential with it.
-    fn book_removal(&mut self, number: usize, mass: f64) {
+    /// Books what a body has lost of its `mass` before, kg: mass that has left takes its potential with it. Its displacement is at most
+    /// `farthest`, m.
+    fn book_removal(&mut self, number: usize, mass: f64, farthest: f64) {
         let body = &self.bodies[number];
         let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
-        self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+        self.booked.removed += weight.max(0.0) * farthest;
     }
 
     /// Present cells of a body, in ascending order, out of which a tool may take space: those around the contacts that are within its reach and
@@ -226,12 +230,16 @@ impl Simulation {
         let mut out = vec![Piece::default(); count];
         for (index, sample) in new.samples.iter().enumerate() {
             let Role::Edge { piece, .. } = sample.role else { continue };
-            let of_piece = |c: &Contact| c.on[0] == BodyId::Rigid(number) && c.feature == index;
-            let contact = contacts.iter().position(of_piece);
+            // walls and rigid bodies hold no edge in tissue
+            let of_piece = |k: &usize| {
+                let Contact { on, feature, .. } = &contacts[*k];
+                on[0] == BodyId::Rigid(number) && matches!(on[1], BodyId::Deformable(_)) && *feature == index
+            };
+            let mut touched = (0..contacts.len()).filter(of_piece).peekable();
             let sticks = |k: &usize| !contacts[*k].law.at_bound(report.contact.forces[*k]);
             out[piece] = Piece {
-                touches: contact.is_some() || self.in_wound(number, new.at(sample.position)),
-                sticking: contact.filter(sticks).map(|k| {
+                touches: touched.peek().is_some() || self.in_wound(number, new.at(sample.position)),
+                sticking: touched.find(sticks).map(|k| {
                     let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
                     (moved, matches!(contacts[k].law, Law::Cut { .. }))
                 }),
@@ -282,7 +290,7 @@ impl Simulation {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
-            self.sever(number, &hits, report)?;
+            self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
         Ok(())
     }
@@ -294,19 +302,20 @@ impl Simulation {
                 let body = &mut self.bodies[number];
                 let u = body.backend.displacements()?;
                 let hits = body.model.overstretched(&body.wound, &u);
-                self.sever(number, &hits, report)?;
+                let farthest = u.iter().map(|u| V3::from4(*u).length()).fold(0.0, f64::max);
+                self.sever(number, &hits, farthest, report)?;
             }
         }
         Ok(())
     }
 
-    /// Cuts links or springs of a body at these hits.
-    fn sever(&mut self, number: usize, hits: &[Hit<f64>], report: &mut StepReport) -> Result<()> {
+    /// Cuts links or springs of a body at these hits; its nodes have moved by `farthest` at most, m.
+    fn sever(&mut self, number: usize, hits: &[Hit<f64>], farthest: f64, report: &mut StepReport) -> Result<()> {
         let body = &mut self.bodies[number];
         let mass = body.wound.mass_of_nodes();
         let severed = body.sever(hits)?;
         if severed > 0 {
-            self.book_removal(number, mass);
+            self.book_removal(number, mass, farthest);
         }
         report.severed += severed;
         self.epoch += u32::from(severed > 0);

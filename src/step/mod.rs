@@ -1,7 +1,8 @@
 //! One time step, written once over [`Backend`](crate::backend::Backend):
 //!
 //! 1. find the contacts at the start of the step (the search margin grows with the motion of the rigid bodies) and add the attachments;
-//! 2. solve the motion of every body under the last step's contact forces λ₀, and loosely the columns of `A⁻¹` at nodes that rows newly act on;
+//! 2. solve the motion of every body under the last step's contact forces λ₀, and provide columns of `A⁻¹` at the nodes that rows act on, loosely
+//!    solved or borrowed;
 //! 3. evaluate the violations `δ` of the moved bodies, solve for the forces λ on `W (λ − λ₀) + δ` ([`crate::constraints`]);
 //! 4. correct: solve `A Δx = Jᵀ(λ − λ₀)` accurately, evaluate δ again, repeat until the laws hold;
 //! 5. integrate, move the rigid bodies, cut what an edge has swept.

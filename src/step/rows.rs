@@ -67,9 +67,14 @@ impl<'a> Rows<'a> {
 
     /// Signed axis and angular part (moment arm × axis) of a rigid body in a row.
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
-        let (sign, side) = self.side(row, BodyId::Rigid(number))?;
+        let (sign, _) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
-        Some((axis, self.arms[self.of[row].0][side].cross(axis)))
+        Some((axis, self.arm_of(row, number).cross(axis)))
+    }
+
+    /// Moment arm of a rigid body in a row, at the start of the step, m; zero for other bodies.
+    pub fn arm_of(&self, row: usize, number: usize) -> DVec3 {
+        self.side(row, BodyId::Rigid(number)).map_or(DVec3::ZERO, |(_, side)| self.arms[self.of[row].0][side])
     }
 
     /// Sorted nodes of a deformable body that rows act on.
@@ -180,7 +185,8 @@ impl<'a> Rows<'a> {
         w
     }
 
-    /// Compliance block of contacts `i` and `j`: displacement along the axes of `i` under forces along the axes of `j`, m/N.
+    /// Compliance block of contacts `i` and `j`, `[axis of i][axis of j]`: displacement along the axes of the one under forces along those of the
+    /// other, m/N; the compliance is symmetric.
     fn block(
         &self,
         (i, j): (usize, usize),

@@ -49,6 +49,8 @@ struct BodyState {
     motion: Vec<[DVec3; 2]>,
     compliance: Compliance,
     at_rest: Compliance,
+    /// Displacement of the nodes that follower pressures acted on in the last step, m.
+    pressed: BTreeMap<u32, [f64; 3]>,
 }
 
 impl Simulation {
@@ -86,6 +88,7 @@ impl Simulation {
                 let tied = std::mem::take(&mut body.tied);
                 *body = Body::new(&self.scene, number, self.gpu.as_ref(), self.single)?;
                 body.tied = tied;
+                body.backend.interrupt_by(self.interrupt.clone());
             }
             self.bodies[number].restore(from)?;
             let begun = state.step_number > 0;
@@ -124,6 +127,7 @@ impl Simulation {
             (body.compliance, body.at_rest) = (Compliance::default(), Compliance::default());
         }
         let mut changed = Self::on(&scene, self.gpu.clone(), self.single)?;
+        changed.interrupt_by(&self.interrupt);
         changed.restore(&state)?;
         *self = changed;
         Ok(())
@@ -181,6 +185,7 @@ impl Body {
             motion: self.boxes.motion().to_vec(),
             compliance: self.compliance.clone(),
             at_rest: self.at_rest.known.clone(),
+            pressed: self.pressed.clone(),
         })
     }
 
@@ -199,6 +204,7 @@ impl Body {
         self.boxes.set_motion(&state.motion);
         self.compliance.clone_from(&state.compliance);
         self.at_rest.known.clone_from(&state.at_rest);
+        self.pressed.clone_from(&state.pressed);
         (self.loaded, self.non_finite) = (false, false);
         Ok(())
     }

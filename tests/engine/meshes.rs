@@ -335,6 +335,33 @@ fn loads_on_groups_of_triangles_have_their_resultants() {
     assert!((loads.iter().zip(&model.rest).map(moment).sum::<DVec3>() - wanted).length() < 1e-15);
 }
 
+#[test]
+fn loads_on_parts_of_triangles_have_the_area_and_the_moment_of_their_region() {
+    let model = model(&skin("fine", Tetra));
+    let kind = LoadKind::Traction([0.0, 0.0, -1e4]);
+    let of = |region: Region| {
+        let load = Load { body: 0, region, kind, start: 0.0, end: f64::INFINITY };
+        let loads = model.load_at(&[load], 0.0);
+        let moment = |(f, x): (&[f64; 3], &[f64; 3])| DVec3::from(*x).cross(DVec3::from(*f));
+        let force = loads.iter().map(|f| DVec3::from(*f)).sum::<DVec3>();
+        (force, loads.iter().zip(&model.rest).map(moment).sum::<DVec3>())
+    };
+    let top = 2.3e-3;
+    for half in [0.2e-3, 1.5e-3, 2.5e-3, 4.1e-3] {
+        let region = Region::Box { min: [-half, -0.5 * half, top], max: [2.0 * half, half, top] };
+        let (force, moment) = of(region);
+        let wanted = DVec3::new(0.0, 0.0, -1e4 * 4.5 * half * half);
+        let about = DVec3::new(0.5 * half, 0.25 * half, top).cross(wanted);
+        assert!((force - wanted).length() < 1e-9 * wanted.length(), "{half} m: {force} for {wanted} N");
+        assert!((moment - about).length() < 1e-9 * wanted.length() * half, "{half} m: {moment} for {about} N·m");
+    }
+    let ball = |z| Region::Sphere { centre: [0.5e-3, -1e-3, z], radius: 3e-3 };
+    let disc = std::f64::consts::PI * 9e-6 * 1e4;
+    assert!((of(ball(top)).0.z / -disc - 1.0).abs() < 0.01, "{} for {disc} N", of(ball(top)).0);
+    // the counter-test: a region in the flesh has no surface
+    assert_eq!(of(Region::Box { min: [-1e-3, -1e-3, 1e-3], max: [1e-3, 1e-3, 1.2e-3] }).0, DVec3::ZERO);
+}
+
 /// Force on the probe at the end, N: bricks of mean dilatation on 40 × 40 × 9 cells, with as much rest-shape stiffness under them and up to
 /// 1000 contacts (16 × 16 × 4 cells have 0.3401 N, 24 × 24 × 6 have 0.3394 N).
 const BRICKS: f64 = 0.3433;

@@ -5,7 +5,7 @@ use cutis::error::Error;
 use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
 use cutis::scene::{Load, Preconditioner, Probe, ProbeKind, Region, Scene, read};
-use cutis::step::{Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use std::path::{Path, PathBuf};
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -24,6 +24,10 @@ pub const TESTS: &[(&str, Test)] = &[
     ("a_run_launches_and_waits_as_inspect_says", a_run_launches_and_waits_as_inspect_says),
     ("a_step_with_contact_waits_as_inspect_says", a_step_with_contact_waits_as_inspect_says),
     ("work_is_booked_without_waiting", work_is_booked_without_waiting),
+    (
+        "a_reaction_of_any_number_of_nodes_is_that_of_the_cpu_path",
+        a_reaction_of_any_number_of_nodes_is_that_of_the_cpu_path,
+    ),
 ];
 
 fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), Failure> {
@@ -144,6 +148,29 @@ fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)
     }
     // what a step leaves recorded is handed over by the next one: from the second on, each hands over the work of a whole step
     Ok(out.split_off(1))
+}
+
+/// A reaction reads displacements and velocities of its nodes, in parts where they are more than one read holds, which is no multiple of four.
+fn a_reaction_of_any_number_of_nodes_is_that_of_the_cpu_path(gpu: &Gpu) -> Result<(), Failure> {
+    let mut scene = small("verify/sphere_press.toml")?;
+    (scene.tools, scene.contact) = (vec![], None);
+    for (cells, nodes) in [(4, 50), (5, 72), (6, 98)] {
+        scene.skins[0].cells = [cells; 2];
+        scene.skins[0].layers.truncate(1);
+        let kind = ProbeKind::Reaction { body: 0, region: Region::All, axis: 2 };
+        scene.probes = vec![Probe { name: "all".into(), kind }];
+        let force = |platform| -> Result<f64, Failure> {
+            let mut simulation = Simulation::new(&scene, &platform)?;
+            let count = simulation.bodies[0].model.rest.len();
+            require(count == nodes, || format!("{count} nodes, {nodes} wanted"))?;
+            simulation.step(false)?;
+            Ok(simulation.step(false)?.probes[0])
+        };
+        let (found, wanted) = (force(platform(gpu))?, force(Platform::Cpu64)?);
+        let near = (found - wanted).abs() <= 1e-3 * wanted.abs() && wanted != 0.0;
+        require(near, || format!("{cells} × {cells} cells: {found} N, on the CPU path {wanted}"))?;
+    }
+    Ok(())
 }
 
 /// What a plan says happens so many times per step, in all.

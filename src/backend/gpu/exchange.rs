@@ -81,7 +81,7 @@ impl GpuBackend {
     /// Answers in one read-back, or in more where the nodes or the hits are more than one holds.
     pub(super) fn answer(&mut self, query: &Query) -> Result<Values> {
         let mut out = Values::default();
-        let most = (self.pick.ids.bytes / 4) as usize;
+        let most = (self.pick.picked.bytes / 16) as usize;
         let mut batch = self.record();
         // displacements, velocities and elastic forces, as many at a time as fit
         let mut left = [&query.displacements[..], &query.velocities, &query.elastic_forces];

@@ -33,13 +33,14 @@ impl Wound {
     pub(super) fn split_nodes(&mut self, model: &Model, own: &Tetrahedra, hits: &[Hit<f64>]) -> Removal {
         let cut = parts(self).cut(hits.iter().map(|hit| (hit.segment, hit.at)));
         let Severed { links, refused, holding, copies, tetrahedra } = cut;
+        // the faces of the links have the duplicates by now
+        for [copy, source] in &copies {
+            self.rest[*copy as usize] = self.rest[*source as usize];
+        }
         links.iter().for_each(|link| self.measure_link(model, *link as usize));
         self.totals.refused += refused as usize;
         self.totals.holding += holding as usize;
         self.totals.copies += copies.len();
-        for [copy, source] in &copies {
-            self.rest[*copy as usize] = self.rest[*source as usize];
-        }
         let nodes: BTreeSet<u32> = copies.iter().flatten().copied().collect();
         let mut removal = Removal { copies, ..Removal::default() };
         self.divide_masses(model, own, nodes, &mut removal);

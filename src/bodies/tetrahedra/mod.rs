@@ -168,7 +168,8 @@ impl Tetrahedra {
         self.arrays.reserve(self.reserve, EDGES * self.reserve);
     }
 
-    /// Number of domains of the deviator: edges, once per material, with the room for those that cuts divide; none of plain elements.
+    /// Number of domains of the deviator: edges, once per material, with the room for those that cuts divide; of plain elements none, or the
+    /// tetrahedra where their law is hyperelastic.
     pub(super) fn domain_count(&self, grid: &Grid) -> usize {
         match self.smoothed {
             false if self.law.is_some() => grid.tetrahedron_count(),

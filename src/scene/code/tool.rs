@@ -21,6 +21,9 @@ pub(super) fn check(part: &Part, tool: &Tool) -> Result<()> {
     odd.map_or(Ok(()), |v| Err(part.of("mesh.triangles").refuse(v, "numbers of its vertices, from 0")))?;
     let Coupling { stiffness, damping, angular_stiffness, angular_damping } = tool.coupling;
     part.not_negative("coupling", &[stiffness, damping, angular_stiffness, angular_damping])?;
+    if tool.free.is_none() {
+        part.positive("coupling.stiffness, coupling.angular_stiffness", &[stiffness, angular_stiffness])?;
+    }
     // hand path
     let way = part.of("trajectory");
     way.that(!tool.trajectory.is_empty(), "empty", "at least one pose")?;

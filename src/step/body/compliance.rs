@@ -228,7 +228,7 @@ impl Compliance {
         }
     }
 
-    /// Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
+    /// Drops the columns of nodes that a cut has changed; they borrow others until slow passes solve them anew. The others only age: away from the cut they
     /// change little, and slow passes renew them.
     pub fn invalidate(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
@@ -260,8 +260,11 @@ impl Compliance {
         let mut old: Vec<(u32, f64, u32)> = aged.map(|(node, k)| (k.solved, size(*node), *node)).collect();
         old.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
         let old: Vec<u32> = old.into_iter().map(|(_, _, node)| node).take(COLUMNS / 3).collect();
+        if old.is_empty() {
+            return Ok(false);
+        }
         self.solve(backend, places, &old, tolerance, report)?;
-        Ok(!old.is_empty())
+        Ok(true)
     }
 
     /// `[a × b]` displacement of each of the prepared `nodes` (sorted) under one newton at each other, m/N, made positive definite.
@@ -296,7 +299,7 @@ impl Compliance {
             let mut line = left[k * size + k + 1..(k + 1) * size].to_vec();
             for (j, coupling) in (k + 1..size).zip(&mut line) {
                 let most = (pivot * (left[j * (size + 1)] - least[j]).max(0.0)).sqrt();
-                let off = coupling.clamp(-most, most) - *coupling;
+                let off = coupling.min(most).max(-most) - *coupling;
                 if off != 0.0 {
                     *coupling += off;
                     for (block, column, row) in [entry(order[k], order[j]), entry(order[j], order[k])] {
@@ -332,7 +335,7 @@ fn nearest(places: Places, node: u32) -> Vec<u32> {
 }
 
 /// Compliance of a body at rest, independent of its later state: columns of one matrix, by its factor in f64 on the host (hexahedra) or
-/// solved to [`EXACT`] (springs). Computed as nodes are reached.
+/// solved to [`EXACT`] (others), in [`BEYOND`] times the iterations of the easiest batch at most. Computed as nodes are reached.
 #[derive(Default)]
 pub struct AtRest {
     backend: Option<Box<CpuBackend<f64>>>,

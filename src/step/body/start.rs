@@ -7,6 +7,9 @@ use crate::bodies::{self, Model};
 use crate::error::Result;
 use crate::scene::{Attachment, BodyId, Correction, STEP, Scene};
 
+/// Nodes of a body that a tie acts on, at most: those of three hexahedra, around the corners of an embedded triangle.
+const OF_A_TIE: usize = 24;
+
 /// Number of right-hand sides of a deformable body's backend.
 pub(super) fn slots(scene: &Scene) -> usize {
     let exact = scene.contact.is_some_and(|contact| contact.correction == Correction::Exact);
@@ -41,7 +44,7 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
     };
     let exact = contact.correction == Correction::Exact;
     let tied = |a: &&Attachment| a.body == model.body || a.to == BodyId::Deformable(model.body);
-    let ties: usize = scene.attachments.iter().filter(tied).map(|a| 3 * tied_nodes(scene, model, a)).sum();
+    let ties: usize = scene.attachments.iter().filter(tied).map(|a| OF_A_TIE * tied_nodes(scene, model, a)).sum();
     Needs {
         contact: true,
         columns: if exact { COLUMNS } else { 0 },
