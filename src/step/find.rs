@@ -37,6 +37,9 @@ impl Tie {
     }
 }
 
+/// Sample that stands for a round tool.
+const ALL_OF_IT: usize = usize::MAX;
+
 impl Simulation {
     /// Contacts at the start of the step, up to the scene's number, plus those of lips; then the attachments.
     pub(super) fn find_contacts(
@@ -116,7 +119,9 @@ impl Simulation {
                 + self.bodies[sample.1].travel;
             // a piece of edge that has cut stands in its own cut, at most a cell from the walls
             let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
-            let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
+            // where cells are gone, what was beside them is the surface
+            let own_hole = self.scene.tools[sample.0].carve.is_some_and(|carve| carve.whole_cells);
+            let cell = if own_cut || own_hole { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm
         };
@@ -131,12 +136,13 @@ impl Simulation {
         }
     }
 
-    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
-    /// their surface.
+    /// Tool, body and sample of a contact of a tool with a deformable body: the whole tool of a round one, whose contact points move over its
+    /// surface; none of lines.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
-        (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
+        let sample = if tool.round.is_some() { ALL_OF_IT } else { contact.feature };
+        tool.lines.is_none().then_some((number, body, sample))
     }
 
     /// Contacts of rigid bodies with walls and with each other.

@@ -154,6 +154,7 @@ fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)
 fn a_reaction_of_any_number_of_nodes_is_that_of_the_cpu_path(gpu: &Gpu) -> Result<(), Failure> {
     let mut scene = small("verify/sphere_press.toml")?;
     (scene.tools, scene.contact) = (vec![], None);
+    scene.time.gravity = [0.0, 0.0, -9.81];
     for (cells, nodes) in [(4, 50), (5, 72), (6, 98)] {
         scene.skins[0].cells = [cells; 2];
         scene.skins[0].layers.truncate(1);
