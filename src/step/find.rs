@@ -119,9 +119,7 @@ impl Simulation {
                 + self.bodies[sample.1].travel;
             // a piece of edge that has cut stands in its own cut, at most a cell from the walls
             let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
-            // where cells are gone, what was beside them is the surface
-            let own_hole = self.scene.tools[sample.0].carve.is_some_and(|carve| carve.whole_cells);
-            let cell = if own_cut || own_hole { self.bodies[sample.1].model.cell_width() } else { 0.0 };
+            let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm
         };
@@ -137,12 +135,13 @@ impl Simulation {
     }
 
     /// Tool, body and sample of a contact of a tool with a deformable body: the whole tool of a round one, whose contact points move over its
-    /// surface; none of lines.
+    /// surface; none of lines, and of a round tool that carves, around which the surface changes.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
         let sample = if tool.round.is_some() { ALL_OF_IT } else { contact.feature };
-        tool.lines.is_none().then_some((number, body, sample))
+        let carves = tool.round.is_some() && self.scene.tools[number].carve.is_some();
+        (tool.lines.is_none() && !carves).then_some((number, body, sample))
     }
 
     /// Contacts of rigid bodies with walls and with each other.
