@@ -37,9 +37,6 @@ impl Tie {
     }
 }
 
-/// Sample that stands for a round tool.
-const ALL_OF_IT: usize = usize::MAX;
-
 impl Simulation {
     /// Contacts at the start of the step, up to the scene's number, plus those of lips; then the attachments.
     pub(super) fn find_contacts(
@@ -134,14 +131,12 @@ impl Simulation {
         }
     }
 
-    /// Tool, body and sample of a contact of a tool with a deformable body: the whole tool of a round one, whose contact points move over its
-    /// surface; none of lines, and of a round tool that carves, around which the surface changes.
+    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
+    /// their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
-        let sample = if tool.round.is_some() { ALL_OF_IT } else { contact.feature };
-        let carves = tool.round.is_some() && self.scene.tools[number].carve.is_some();
-        (tool.lines.is_none() && !carves).then_some((number, body, sample))
+        (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
     }
 
     /// Contacts of rigid bodies with walls and with each other.
