@@ -250,11 +250,12 @@ impl Model {
         // twice the outward area, m²
         let area_twice = |x: [V3<f64>; 3]| (x[1] - x[0]).cross(x[2] - x[0]);
         let at_rest = |corners: [u32; 3]| corners.map(|id| V3::of(self.rest_of_point(id)));
-        let area: f64 = self
-            .triangles(outside, &load.region, corners)
-            .map(|([own, _], parts)| 0.5 * area_twice(at_rest(own)).length() * parts.iter().map(share_of).sum::<f64>())
+        let loaded: Vec<_> = self.triangles(outside, &load.region, corners).collect();
+        let area: f64 = loaded
+            .iter()
+            .map(|([own, _], parts)| 0.5 * area_twice(at_rest(*own)).length() * parts.iter().map(share_of).sum::<f64>())
             .sum();
-        for ([own, now], parts) in self.triangles(outside, &load.region, corners) {
+        for ([own, now], parts) in loaded {
             let rest = at_rest(own);
             let own = 0.5 * area_twice(rest).length();
             let force = match load.kind {

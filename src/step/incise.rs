@@ -302,6 +302,9 @@ impl Simulation {
                 let body = &mut self.bodies[number];
                 let u = body.backend.displacements()?;
                 let hits = body.model.overstretched(&body.wound, &u);
+                if hits.is_empty() {
+                    continue;
+                }
                 let farthest = u.iter().map(|u| V3::from4(*u).length()).fold(0.0, f64::max);
                 self.sever(number, &hits, farthest, report)?;
             }

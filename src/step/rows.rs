@@ -67,9 +67,9 @@ impl<'a> Rows<'a> {
 
     /// Signed axis and angular part (moment arm × axis) of a rigid body in a row.
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
-        let (sign, _) = self.side(row, BodyId::Rigid(number))?;
+        let (sign, side) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
-        Some((axis, self.arm_of(row, number).cross(axis)))
+        Some((axis, self.arms[self.of[row].0][side].cross(axis)))
     }
 
     /// Moment arm of a rigid body in a row, at the start of the step, m; zero for other bodies.
