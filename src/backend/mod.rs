@@ -193,6 +193,9 @@ pub trait Backend: Send {
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()>;
     /// Resets the initial guesses of these slots to zero.
     fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()>;
+    /// Adds displacements at nodes, m, each once, to the initial guess of a slot. That of a body with a nonlinear law is what the step's motion
+    /// begins with there; elsewhere it begins at rest.
+    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()>;
     /// Solves several right-hand sides together and returns values of `x` at (slot, node).
     fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
     /// Sets the correction directly at some nodes and to zero elsewhere, m (uncoupled correction).

@@ -32,7 +32,7 @@ pub use energy::{
 pub use paths::Paths;
 pub use refused::Refused;
 pub use step::Step;
-pub use wound::{Removal, Totals, Wound};
+pub use wound::{Loose, Removal, Totals, Wound};
 
 use crate::error::Result;
 use crate::gpu::Buffer;

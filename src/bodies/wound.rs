@@ -6,7 +6,7 @@ use super::Model;
 use crate::kernels::cut::Hit;
 use crate::kernels::tetrahedra::{Arrays, Changes};
 use crate::math::V4;
-use crate::mesh::{Carved, Surface};
+use crate::mesh::{Carved, Surface, parted};
 use std::sync::Arc;
 
 /// Totals for the report.
@@ -99,6 +99,17 @@ pub struct Wound {
     pub(super) operator: Option<Arc<Arrays<f64>>>,
     pub(super) all: Extent,
     pub(super) top: Extent,
+    /// Pieces that nothing holds; not of springs.
+    pub loose: Vec<Loose>,
+}
+
+/// Piece of a body that a cut has set free ([`crate::mesh`]).
+#[derive(Clone, Debug, Default)]
+pub struct Loose {
+    /// Its cells, in ascending order; some may have gone since.
+    cells: Vec<usize>,
+    /// Its nodes, in ascending order.
+    pub nodes: Vec<u32>,
 }
 
 /// Bounding box of the wound at rest, m.
@@ -143,6 +154,7 @@ impl Wound {
             operator: None,
             all: Extent::NONE,
             top: Extent::NONE,
+            loose: vec![],
         }
     }
 
@@ -150,6 +162,10 @@ impl Wound {
     pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let removal = model.mechanics().cut(model, self, hits);
         self.extend(model);
+        if model.elements().spring_count == 0 {
+            let ends = hits.iter().flat_map(|hit| self.surface.ends_of_link(hit.segment as usize)).collect();
+            self.set_free(model, ends);
+        }
         removal
     }
 
@@ -157,6 +173,7 @@ impl Wound {
     pub fn carve(&mut self, model: &Model, cells: &[u32]) -> Removal {
         let removal = model.mechanics().carve(model, self, cells);
         self.extend(model);
+        self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
         removal
     }
 
@@ -164,7 +181,40 @@ impl Wound {
     pub fn carve_space(&mut self, model: &Model, carved: &Carved) -> Removal {
         let removal = model.mechanics().carve_space(model, self, carved);
         self.extend(model);
+        self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
         removal
+    }
+
+    /// Finds the pieces that changes at these cells have set free.
+    fn set_free(&mut self, model: &Model, changed: Vec<usize>) {
+        let surface = &self.surface;
+        let here = if surface.present().is_empty() { &surface.alive } else { surface.present() };
+        // cells that are gone stand for those around them
+        let around = |cell: &usize| if here[*cell] { vec![*cell] } else { surface.beside(*cell) };
+        let mut seeds: Vec<usize> = changed.iter().flat_map(around).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        let held = |cell: usize| {
+            surface.corners_of(cell).into_iter().any(|node| {
+                let original = surface.original(node) as u32;
+                self.free[node][..3].contains(&0.0) || model.anchors.nodes.binary_search(&original).is_ok()
+            })
+        };
+        let found = parted(&seeds, |cell| surface.linked(cell), held);
+        // a piece that has parted again is gone
+        let before = |piece: &Loose| found.iter().all(|cells| piece.cells.binary_search(&cells[0]).is_err());
+        self.loose.retain(before);
+        let parted = found.into_iter().map(|cells| Loose { cells, nodes: vec![] });
+        self.loose.extend(parted);
+        for piece in &mut self.loose {
+            if piece.nodes.is_empty() || changed.iter().any(|cell| piece.cells.binary_search(cell).is_ok()) {
+                let present = piece.cells.iter().filter(|cell| here[**cell]);
+                piece.nodes = present.flat_map(|cell| surface.corners_of(*cell)).map(|node| node as u32).collect();
+                piece.nodes.sort_unstable();
+                piece.nodes.dedup();
+            }
+        }
+        self.loose.retain(|piece| !piece.nodes.is_empty());
     }
 
     /// Rest position of the surface's corner at a node, m.

@@ -28,7 +28,8 @@
 //! clearance) finds the first t with `|a(t) − p| = R`. Normal and point on the axis are evaluated there, the gap of that plane at the start
 //! of the step. The start of the step, never the end of the motion, decides between inside and outside: a tool that would be through the
 //! skin by then is stopped on the side that it came from. A tool whose axis starts inside the skin is pushed out along the normal of the
-//! nearest surface.
+//! nearest surface that looks to where the tool was last outside; the first step of a run and skin without such a surface have the nearest
+//! of all. In skin that is pressed flat the far side is the nearest.
 //! Units: m.
 
 use super::features::closest::on_segment;
@@ -235,10 +236,11 @@ pub fn contacts(
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &UnconstrainedMotion,
-) -> Vec<Contact> {
+    side: Option<DVec3>,
+) -> (Vec<Contact>, Option<DVec3>) {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let (mut nearest, out) = nearest_points(tool, patch, &sweep, reach);
+    let Near { points: mut nearest, out, side } = nearest_points(tool, patch, &sweep, reach, side);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, MaterialPoint::of(nodes, weights), point);
@@ -249,7 +251,8 @@ pub fn contacts(
     // filter "one": the deepest only
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
-        return deepest.map(|(index, on_skin, touch, _)| made(*index, *on_skin, touch)).into_iter().collect();
+        let found = deepest.map(|(index, on_skin, touch, _)| made(*index, *on_skin, touch)).into_iter().collect();
+        return (found, side);
     }
     let curvature = curvatures(faces, position);
     if out.is_none() {
@@ -277,32 +280,70 @@ pub fn contacts(
             taken.push(*nearest);
         }
     }
-    found
+    (found, side)
 }
 
-/// For each axis sample the point of the skin that it first touches or comes nearest to; and, if a sample starts inside the skin, the way
-/// out: the normal at the point nearest to the deepest one.
-fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
+/// Skin near a tool's axis.
+struct Near {
+    /// For each axis sample the point that it first touches or comes nearest to.
+    points: Vec<Nearest>,
+    /// If a sample starts inside the skin, the way out: the normal at the point nearest to the deepest one.
+    out: Option<DVec3>,
+    /// Side of the skin that the tool is on: the normal at the point nearest to the axis at the start; none away from the skin.
+    side: Option<DVec3>,
+}
+
+/// `side` is that of the last step.
+fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, side: Option<DVec3>) -> Near {
     let mut found = vec![];
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
+        let start = patch.project_from(axis, side);
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
-            let (triangle, weights, distance, normal) = patch.project(axis + sweep.translation * t);
+            let (triangle, weights, distance, normal) =
+                if t == 0.0 { start } else { patch.project(axis + sweep.translation * t) };
             (distance - sweep.radius, (triangle, weights, normal))
         });
         if clear >= reach {
             continue;
         }
-        let outside = patch.project(axis).2;
-        if outside < 0.0 && deepest.is_none_or(|(depth, _)| outside < depth) {
-            deepest = Some((outside, normal));
+        let outside = start.2;
+        if deepest.is_none_or(|(depth, _)| outside < depth) {
+            deepest = Some((outside, start.3));
         }
         let nearest = patch.position(triangle, weights);
         let gap = normal.dot(axis - nearest) - sweep.radius;
         let gap = if outside >= sweep.radius { gap.max(0.0) } else { gap };
         found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, nearest));
     }
-    (found, deepest.map(|d| d.1))
+    let out = deepest.filter(|(outside, _)| *outside < 0.0).map(|(_, normal)| normal);
+    Near { points: found, out, side: deepest.map(|(_, normal)| normal) }
+}
+
+impl Patch {
+    /// As [`Patch::project`]. A point inside belongs to the surface that looks to `side`, if there is one.
+    fn project_from(&self, point: DVec3, side: Option<DVec3>) -> (usize, [f64; 3], f64, DVec3) {
+        let nearest = self.project(point);
+        let Some(side) = side.filter(|side| nearest.2 < 0.0 && nearest.3.dot(*side) < FACING) else { return nearest };
+        let facing = |triangle: usize| {
+            let normal = self.face_normal(triangle);
+            let weights = self.nearest_on(triangle, point);
+            let away = point - self.position(triangle, weights);
+            (normal.dot(side) > FACING).then_some((triangle, weights, away, normal))
+        };
+        // of triangles that meet in the nearest point, the one that looks there most
+        let farther = |a: &(usize, [f64; 3], DVec3, DVec3), b: &(usize, [f64; 3], DVec3, DVec3)| {
+            let [(first, up), (second, other)] =
+                [a, b].map(|(.., away, normal)| (away.length(), away.dot(*normal).abs()));
+            first.total_cmp(&second).then(other.total_cmp(&up))
+        };
+        let found = (0..self.corners.len()).filter_map(facing).min_by(farther);
+        found.map_or(nearest, |(triangle, weights, away, normal)| {
+            let sign = if away.dot(normal) < 0.0 { -1.0 } else { 1.0 };
+            let out = (away * sign).try_normalize().unwrap_or(normal);
+            (triangle, weights, sign * away.length(), out)
+        })
+    }
 }
 
 /// For each triangle with an edge longer than the tool's radius, the point that an axis sample first touches on it, unless a triangle

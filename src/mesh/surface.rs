@@ -175,6 +175,22 @@ impl Surface {
         all.map(|at| self.params.cell_id(at)).filter(|cell| self.alive[*cell]).collect()
     }
 
+    /// The present cells or tetrahedra that are linked to one over its faces.
+    pub(crate) fn linked(&self, cell: usize) -> Vec<usize> {
+        match &self.tetrahedra {
+            Some(of) => (0..4).filter_map(|opposite| of.beyond(cell, opposite)).collect(),
+            None => self.parts.linked(cell).filter(|other| self.alive[*other]).collect(),
+        }
+    }
+
+    /// The two cells or tetrahedra of a link.
+    pub(crate) fn ends_of_link(&self, link: usize) -> [usize; 2] {
+        match &self.tetrahedra {
+            Some(of) => of.mesh().links.ends(link),
+            None => [Some(link / 3), self.parts.beyond(link / 3, link % 3)].map(|cell| cell.unwrap_or(link / 3)),
+        }
+    }
+
     /// A point of corners of the surface as one of nodes: corners on carved space move with those of a cell.
     pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
         if self.pit.is_empty() {

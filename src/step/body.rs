@@ -2,6 +2,7 @@
 
 mod compliance;
 mod known;
+mod loose;
 mod refine;
 mod start;
 
@@ -58,6 +59,10 @@ pub struct Body {
     pub(super) pressed: BTreeMap<u32, [f64; 3]>,
     /// Factor on the scene's column tolerance for this body.
     pub(super) tolerance_factor: f64,
+    /// `[loose piece]` sum of its loads, N.
+    loose_loads: Vec<DVec3>,
+    /// `[loose piece]` sum of the contact forces that the initial guess of the correction has, N.
+    pushed: Vec<DVec3>,
     /// Most nodes whose compliance is kept.
     pub(super) near: usize,
     /// Lips of its wound, if they may rest on each other.
@@ -83,7 +88,7 @@ pub(super) enum Cut {
     Space(Carved),
 }
 
-/// A floating body resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of
+/// A floating body or piece resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of
 /// its motion larger by that much. With 1 the passes on a stack of five blocks never converge; with this factor one suffices.
 const FLOATING_FACTOR: f64 = 1e-4;
 
@@ -218,6 +223,8 @@ impl Body {
             accelerations: BTreeMap::new(),
             pressed: BTreeMap::new(),
             tolerance_factor,
+            loose_loads: vec![],
+            pushed: vec![],
             near: needs.near,
             lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
             tied: vec![],
@@ -346,6 +353,7 @@ impl Body {
         if !forces.is_empty() {
             self.backend.add_forces(forces)?;
         }
+        self.guess_fall(forces)?;
         let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;

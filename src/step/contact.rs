@@ -7,7 +7,6 @@ pub use points::{ContactPoint, PointKind};
 
 use super::rows::Rows;
 use super::{Body, Part, Simulation, StepReport};
-use crate::backend::CORRECTION;
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
@@ -190,7 +189,7 @@ impl Simulation {
             let own = rows.nodes(number);
             let forces = rows.on_nodes(number, &included);
             let (outcome, values) = body.solve_free(&self.scene.solver, &forces, &own, report)?;
-            body.backend.reset_initial_guess(&[CORRECTION])?;
+            body.reset_correction()?;
             ended.push(outcome);
             picked.push(values);
             blocks.push(body.prepare_compliance(&law, &own, all, report)?);

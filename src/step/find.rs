@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{self, Attachment, BodyId, Integrator, Scene, attach_of};
 use glam::DVec3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
@@ -16,6 +16,9 @@ const SAME: f64 = 1e-3;
 const LIPS: usize = 4;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
+
+/// Side of a deformable body that a round tool is on, by their numbers: a unit vector.
+pub(super) type Sides = BTreeMap<(usize, usize), DVec3>;
 
 /// One node of an attachment: constraint rows that hold from the first step on.
 #[derive(Clone, Debug)]
@@ -59,7 +62,9 @@ impl Simulation {
         // search: rigid pairs, then deformable bodies; drop what is unexplained or tied already
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
-        found.extend(self.skin_contacts(&search, &travel, free, report));
+        let (of_skin, sides) = self.skin_contacts(&search, &travel, free, report);
+        found.extend(of_skin);
+        self.sides = sides;
         self.drop_unexplained(&search, &mut found, report);
         found.retain(|contact| !self.ties_hold(contact));
         let most = law.max_contacts as usize;
@@ -207,15 +212,15 @@ impl Simulation {
         Ok(())
     }
 
-    /// Contacts of deformable bodies with all other bodies.
+    /// Contacts of deformable bodies with all other bodies, and the sides of the skin that round tools are on.
     fn skin_contacts(
         &self,
         search: &Search,
         travel: &[f64],
         free: &[UnconstrainedMotion],
         report: &mut StepReport,
-    ) -> Vec<Contact> {
-        let mut found = vec![];
+    ) -> (Vec<Contact>, Sides) {
+        let (mut found, mut sides) = (vec![], Sides::new());
         let (tools, walls) = (self.tools.len(), self.scene.planes.len());
         let patches: Vec<&Vec<Option<Patch>>> = self.bodies.iter().map(|body| &body.located.patches).collect();
         for (number, body) in self.bodies.iter().enumerate() {
@@ -229,7 +234,13 @@ impl Simulation {
                 let faces = &body.located.faces[k];
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
                 found.extend(match (&tool.round, &tool.lines) {
-                    (Some(round), _) => round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k]),
+                    (Some(round), _) => {
+                        let side = self.sides.get(&(k, number)).copied();
+                        let (found, side) =
+                            round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], side);
+                        sides.extend(side.map(|side| ((k, number), side)));
+                        found
+                    }
                     (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k]),
                     (None, None) => {
                         let retreat = |sample| self.fronts.get(&(k, sample)).copied();
@@ -276,7 +287,7 @@ impl Simulation {
                 }
             }
         }
-        found
+        (found, sides)
     }
 
     /// Whether a contact acts on a node that is already tied to the other body.

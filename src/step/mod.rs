@@ -205,6 +205,7 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
+    sides: find::Sides,
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
@@ -262,6 +263,7 @@ impl Simulation {
             postponed: incise::Postponed::new(),
             fronts: incise::Fronts::new(),
             depths: BTreeMap::new(),
+            sides: find::Sides::new(),
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             interrupt: Arc::default(),
@@ -422,7 +424,7 @@ impl Simulation {
             body.drive(&self.scene, [self.time - self.scene.time.part(), self.time]);
             let follows = body.press(&self.scene, begin)?;
             if loaded || follows || !body.loaded {
-                body.backend.set_load(&body.load_at(&self.scene, begin));
+                body.set_load(&body.load_at(&self.scene, begin));
                 body.loaded = true;
             }
             before.push(if check || refined { Some(body.snapshot()?) } else { None });

@@ -5,7 +5,7 @@
 //! although they could be solved for: their age decides how many passes a step takes.
 
 use super::body::{Body, Compliance, Cut, Known, first_motion};
-use super::{Booked, Measured, Refused, Simulation, incise};
+use super::{Booked, Measured, Refused, Simulation, find, incise};
 use crate::backend::{FREE, Vector};
 use crate::bodies::rigid::Motion;
 use crate::error::Result;
@@ -28,6 +28,7 @@ pub struct State {
     postponed: incise::Postponed,
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
+    sides: find::Sides,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     booked: Booked,
     least: Option<Measured>,
@@ -68,6 +69,7 @@ impl Simulation {
             postponed: self.postponed.clone(),
             fronts: self.fronts.clone(),
             depths: self.depths.clone(),
+            sides: self.sides.clone(),
             last_forces: self.last_forces.clone(),
             booked: self.booked,
             least: self.least,
@@ -103,6 +105,7 @@ impl Simulation {
         self.postponed.clone_from(&state.postponed);
         self.fronts.clone_from(&state.fronts);
         self.depths.clone_from(&state.depths);
+        self.sides.clone_from(&state.sides);
         self.last_forces.clone_from(&state.last_forces);
         (self.booked, self.least) = (state.booked, state.least);
         Ok(())

@@ -11,11 +11,14 @@ mod crumbs;
 mod cut;
 mod embedded;
 mod energy;
+#[path = "../shared/falls.rs"]
+mod falls;
 mod features;
 mod fitted;
 mod halves;
 mod incision;
 mod lips;
+mod loose;
 mod many_points;
 mod meshes;
 mod networks;

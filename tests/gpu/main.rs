@@ -10,6 +10,8 @@ mod carving;
 mod crumbs;
 mod device;
 mod embedded;
+#[path = "../shared/falls.rs"]
+mod falls;
 #[path = "../shared/forms.rs"]
 mod forms;
 mod hard;

@@ -1,9 +1,10 @@
 //! Bodies of tetrahedra that are cut and carved on the device: the nodes and tetrahedra are those of the CPU path in f32 bit for bit, the
 //! motion is the same, and a run goes on from its state.
 
+use super::falls::{self, CORNERS, fall};
 use super::ragged::{split, through};
 use super::small::held;
-use super::{Failure, platform};
+use super::{Failure, platform, report};
 use cutis::gpu::Gpu;
 use cutis::kernels::cut::Hit;
 use cutis::math::random::Random;
@@ -19,6 +20,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("a_link_of_tetrahedra_that_stays_is_noticed", a_lost_link_is_noticed),
     ("a_blade_parts_the_same_tetrahedra_as_on_the_cpu", parted_alike),
     ("cut_tetrahedra_go_on_from_their_state_bit_for_bit", goes_on),
+    ("a_small_piece_of_tetrahedra_falls_freely", falls_freely),
 ];
 
 /// Difference of the displacements, of the largest: what the solver's tolerance leaves, times what free pieces make of it, which resist a
@@ -38,6 +40,20 @@ fn block(law: Law) -> Scene {
     (skin.rayleigh_mass, skin.rayleigh_stiffness) = (0.01, 0.01);
     scene.solver.tolerance = 1e-6;
     scene
+}
+
+/// A piece whose weight is less than the solves leave, under a linear law and Newton's method.
+fn falls_freely(gpu: &Gpu) -> Result<(), Failure> {
+    for law in [None, Some(Law::LargeTetra { material: Material::NeoHookean, element: Element::Tetra })] {
+        let mut scene = falls::block(Preconditioner::Block, 1e-2);
+        scene.skins[0].law = law.unwrap_or(scene.skins[0].law);
+        let (share, iterations) = fall(scene, &platform(gpu), CORNERS[0]);
+        report(gpu, &format!("{share} of the free fall, {iterations} iterations a step"));
+        if (share - 0.9975).abs() > 0.004 {
+            return Err(format!("{law:?}: {share} of the free fall").into());
+        }
+    }
+    Ok(())
 }
 
 /// Cuts and carves the same on both, but for the first `lost` links of the first cut, which the device does not get; largest difference of

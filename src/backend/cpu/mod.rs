@@ -36,7 +36,8 @@ pub struct CpuBackend<R> {
     all_nodes: usize,
     contact: bool,
     explicit: bool,
-    driven: bool, // has nodes on prescribed paths
+    driven: bool,       // has nodes on prescribed paths
+    advanced: Vec<u32>, // nodes whose initial guess Newton's method keeps
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
     ahead: Vec<V4<R>>,  // for damped explicit steps; otherwise empty
@@ -105,6 +106,7 @@ impl<R: Real> CpuBackend<R> {
             contact: needs.contact,
             explicit: model.step.explicit(),
             driven: !model.paths.nodes.is_empty(),
+            advanced: vec![],
             u: in_use(&start.u),
             v: in_use(&start.v),
             ahead: zeros(usize::from(model.step.lead() > 0.0)),
@@ -188,6 +190,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
+        self.advanced.clear();
         self.system.set_shift(0.0);
         ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
         let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
@@ -237,6 +240,17 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
         for slot in slots {
             self.x[slot * self.node_count..(slot + 1) * self.node_count].fill([R::zero(); 4]);
+        }
+        Ok(())
+    }
+
+    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        for (node, by) in entries {
+            let at = slot * self.node_count + *node as usize;
+            self.x[at] = (V3::from4(self.x[at]) + V3::of(*by)).pad(R::zero());
+        }
+        if slot == FREE {
+            self.advanced = entries.iter().map(|(node, _)| *node).collect();
         }
         Ok(())
     }

@@ -113,7 +113,8 @@ impl<R: Real> CpuBackend<R> {
         let prescribed = |(x, free): (&V4<R>, &V4<R>)| {
             std::array::from_fn(|k| if k < 3 && free[k] == R::zero() { x[k] } else { R::zero() })
         };
-        let dx = self.x.iter().zip(&self.free).map(prescribed).collect();
+        let mut dx: Vec<V4<R>> = self.x.iter().zip(&self.free).map(prescribed).collect();
+        self.advanced.iter().for_each(|node| dx[*node as usize] = self.x[*node as usize]);
         let still = Point { dx, residual: zeros.clone(), work: [0.0; 2] };
         let mut descent =
             LineSearch { body: self, b: b.to_vec(), current: still.clone(), trial: still, direction: zeros };

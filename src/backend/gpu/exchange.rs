@@ -1,7 +1,7 @@
 //! Indexed access of the host to device arrays: gathered values to read, scattered values to write.
 
 use super::GpuBackend;
-use crate::backend::{Query, Values};
+use crate::backend::{FREE, Query, Values};
 use crate::bodies::gpu::Maker;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
@@ -27,12 +27,12 @@ impl Scatter {
         Ok(Self { row_params, params, ids, values, rows })
     }
 
-    /// Scatters values into any array, in a submission of its own.
-    pub fn now(&self, gpu: &Gpu, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
+    /// Scatters values into any array, or adds them, in a submission of its own.
+    pub fn now(&self, gpu: &Gpu, destination: &Buffer, ids: &[u32], values: &[V4<f32>], add: bool) -> Result<()> {
         let list =
             [("params", &self.params), ("ids", &self.ids), ("values", &self.values), ("destination", destination)];
         let kernel = gpu.bind(&scatter::SOURCE, &list)?;
-        gpu.write(&self.params, 0, &[ids.len() as u32, 0, 0, 0]);
+        gpu.write(&self.params, 0, &[ids.len() as u32, u32::from(add), 0, 0]);
         gpu.write(&self.ids, 0, ids);
         gpu.write(&self.values, 0, values);
         let mut batch = gpu.batch();
@@ -139,13 +139,40 @@ impl GpuBackend {
 
     /// Scatters values into an array by index, in a submission of its own.
     pub(super) fn put(&mut self, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
+        self.scatter(destination, ids, values, false)
+    }
+
+    /// The same, or adds them.
+    fn scatter(&mut self, destination: &Buffer, ids: &[u32], values: &[V4<f32>], add: bool) -> Result<()> {
         if ids.is_empty() {
             return Ok(());
         }
         let batch = self.record();
         self.gpu.submit(batch);
         let put = self.put.as_ref().expect("only a body that is touched or cut is given values by index");
-        put.now(&self.gpu, destination, ids, values)
+        put.now(&self.gpu, destination, ids, values, add)
+    }
+}
+
+impl GpuBackend {
+    /// See [`crate::backend::Backend::advance_guess`].
+    pub(super) fn advance(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        let ids: Vec<u32> = entries.iter().map(|(node, _)| (slot * self.node_count) as u32 + node).collect();
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, by)| V3::of(*by).pad(0.0)).collect();
+        let x = self.solver.x.clone();
+        self.scatter(&x, &ids, &values, true)?;
+        if slot == FREE && self.newton.is_some() {
+            let most = (self.pick.picked.bytes / 16) as usize;
+            let mut from = vec![];
+            for ids in ids.chunks(most) {
+                let mut batch = self.record();
+                let picked = self.record_pick(&mut batch, &self.pick.x, ids);
+                let parts = self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked)])?;
+                from.extend(ids.iter().copied().zip(cast::<V4<f32>>(&parts[0])));
+            }
+            self.newton.iter_mut().for_each(|newton| newton.advanced.clone_from(&from));
+        }
+        Ok(())
     }
 }
 

@@ -259,6 +259,7 @@ impl Backend for GpuBackend {
 
     fn begin(&mut self) -> Result<()> {
         let mut batch = self.record();
+        self.newton.iter_mut().for_each(|newton| newton.advanced.clear());
         for (kernel, threads) in &self.begin {
             batch.run(kernel, self.solver.in_use.threads(*threads), 1);
         }
@@ -290,6 +291,10 @@ impl Backend for GpuBackend {
         }
         self.pending = Some(batch);
         Ok(())
+    }
+
+    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        self.advance(slot, entries)
     }
 
     fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {

@@ -38,6 +38,8 @@ pub(super) struct Newton {
     conserved: Option<Conserved>,
     /// Velocities at the end of the step that conserve energy, m/s.
     ended: Vec<V4<f64>>,
+    /// Nodes whose increments the step begins with, m; elsewhere it begins at rest.
+    pub advanced: Vec<(u32, V4<f32>)>,
 }
 
 impl Newton {
@@ -52,6 +54,7 @@ impl Newton {
             work: [[0.0; 2]; 2],
             conserved: Conserved::of(model),
             ended: vec![],
+            advanced: vec![],
         }
     }
 
@@ -252,7 +255,14 @@ impl Descent for GpuBackend {
         let first = newton.start.is_empty();
         if first {
             self.start_step(&mut batch, newton, search);
+            let (ids, values): (Vec<u32>, Vec<V4<f32>>) = newton.advanced.iter().copied().unzip();
+            let increments = search.dx[0].clone();
+            self.pending = Some(batch);
+            self.put(&increments, &ids, &values)?;
+            batch = self.record();
         }
+        let Some(newton) = &self.newton else { return Ok(None) };
+        let search = &newton.law.search;
         // evaluate the point
         self.gpu.write(&search.gain, 0, &newton.along(step_length, newton.law.elastic_at));
         search.kernels.iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));

@@ -22,9 +22,9 @@
 //! uses. (With a `C` that was negative along a change of the forces, passes took the change for none and ended: incision.toml left up to
 //! 1.5e-2 N and 12 µm, incision_shapes.toml 20 µm; now 6e-4 N and 1.6 µm, 5.2 µm.)
 
-use super::Body;
+use super::{Body, FLOATING_FACTOR};
 use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, SolveRequest, Target};
-use crate::bodies::Model;
+use crate::bodies::{Loose, Model, Wound};
 use crate::error::Result;
 use crate::scene::{self, Correction};
 use crate::step::{Part, StepReport};
@@ -55,13 +55,22 @@ pub fn most_nodes(max_contacts: u32) -> usize {
     16 * max_contacts as usize
 }
 
-/// Rest positions of a body's nodes.
+/// Rest positions of a body's nodes, and its loose pieces.
 #[derive(Clone, Copy)]
 pub struct Places<'a> {
     /// `[node]` m, duplicates last
     pub rest: &'a [[f64; 3]],
     /// Number of nodes that are no duplicates.
     pub originals: usize,
+    /// Pieces that nothing holds.
+    pub loose: &'a [Loose],
+}
+
+impl<'a> Places<'a> {
+    /// Of a body.
+    pub fn of(model: &Model, wound: &'a Wound) -> Self {
+        Self { rest: &wound.rest, originals: model.rest.len(), loose: &wound.loose }
+    }
 }
 
 /// See the module.
@@ -148,8 +157,10 @@ impl Compliance {
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
         let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
+        let floats = |node: u32| places.loose.iter().any(|piece| piece.nodes.binary_search(&node).is_ok());
+        let of_column = |slot: usize| if floats(node(slot)) { FLOATING_FACTOR * tolerance } else { tolerance };
         let wanted: Vec<SolveRequest> =
-            slots.iter().map(|s| SolveRequest { slot: *s, target: Target::Loose(tolerance, budget) }).collect();
+            slots.iter().map(|s| SolveRequest { slot: *s, target: Target::Loose(of_column(*s), budget) }).collect();
         let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
         // solve from zero, reading every known node
         backend.reset_initial_guess(&slots)?;
@@ -394,16 +405,11 @@ impl Body {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
                 let tolerance = law.column_tolerance * self.tolerance_factor;
-                let places = Places { rest: &self.wound.rest, originals: self.model.rest.len() };
+                let places = Places::of(&self.model, &self.wound);
                 self.compliance.prepare(backend, (nodes, places), (tolerance, all), self.near, report)?;
             }
             Correction::Precomputed => {
-                self.at_rest.prepare(
-                    &self.model,
-                    (nodes, Places { rest: &self.wound.rest, originals: self.model.rest.len() }),
-                    self.near,
-                    report,
-                )?;
+                self.at_rest.prepare(&self.model, (nodes, Places::of(&self.model, &self.wound)), self.near, report)?;
             }
             Correction::Uncoupled => {
                 let blocks = self.backend.node_blocks(nodes)?;
@@ -423,12 +429,13 @@ impl Body {
     ) -> Result<Vec<[f64; 3]>> {
         if forces.iter().flat_map(|f| f.1).all(|f| f == 0.0) {
             // no change: nothing to solve
-            self.backend.reset_initial_guess(&[CORRECTION])?;
+            self.reset_correction()?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }
         let clock = Instant::now();
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
         self.backend.set_rows(&[CORRECTION], &entries)?;
+        self.guess_correction(forces)?;
         let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;

@@ -256,7 +256,7 @@ impl Simulation {
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
             let tolerance = problem.law.column_tolerance * body.tolerance_factor;
-            let places = Places { rest: &body.wound.rest, originals: body.model.rest.len() };
+            let places = Places::of(&body.model, &body.wound);
             renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, tolerance, report)?;
         }
         if renewed {
