@@ -128,6 +128,15 @@ impl<N: Number> Material<N> {
         }
     }
 
+    /// Stiffening at a point where that of a neo-Hookean material under pressure is `g`.
+    #[inline(always)]
+    pub fn stiffening(&self, p: &Point<N>, g: N) -> N {
+        match self.law {
+            Law::MooneyRivlin(c) => mooney_rivlin::stiffening(c, p, g),
+            _ => g,
+        }
+    }
+
     /// W' of a Gauss point, J/m³.
     #[inline(always)]
     pub fn energy(&self, p: &Point<N>) -> N {
@@ -321,7 +330,7 @@ impl<N: Number> Cell<N> {
     ///
     /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness against hourglass patterns, which `y` leaves out; the stiffness
     /// that pressure gives to shear; and what stretched fibres add ([`holzapfel::stiffening`]). Where `ln J` is extended the first term is at
-    /// least `(1 + φ' |F|)/2`. A pre-strain scales the small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
+    /// least `(1 + φ' |F|)/2`; Mooney–Rivlin material has more ([`mooney_rivlin::stiffening`]). A pre-strain scales the small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
     ///
     /// Rayleigh damping acts with `R K' Rᵀ` and the same stiffness of the volume: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
     /// result is `1 + (s − 1)/f`.
@@ -381,12 +390,13 @@ impl<N: Number> Cell<N> {
         for p in &self.points {
             let f = p.gradient();
             let stretched = f.dot(f);
-            pressed = pressed.max(p.log_gradient.dot(p.log_gradient) - two);
+            let mut own = one.max(p.log_gradient.dot(p.log_gradient) - two);
             let (volume, least) = (one + p.dilatation, one.like(EXTENDED));
             if !volume.all_at_least(least) {
-                let extended = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
-                pressed = volume.pick(least, pressed, extended);
+                let extended = own.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
+                own = volume.pick(least, own, extended);
             }
+            pressed = pressed.max(self.material.stiffening(p, own));
             let more = p.cofactor - self.points[0].cofactor;
             beyond = beyond + more;
             squares += more.dot(more);

@@ -18,6 +18,11 @@ fn law_shear(material: vec4<f32>) -> f32 {
     return select(material.y, 2.0 * (material.y + material.z), material.w == MOONEY_RIVLIN);
 }
 
+fn law_stiffening(material: vec4<f32>, p: Point, g: f32) -> f32 {
+    if material.w == MOONEY_RIVLIN { return mooney_rivlin_stiffening(material.yz, p, g); }
+    return g;
+}
+
 fn law_tangent(material: vec4<f32>, fibres_of: Fibres, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     if material.w == MOONEY_RIVLIN { return mooney_rivlin_tangent(material.yz, p, change); }
     if material.w == HOLZAPFEL { return holzapfel_tangent(material.y, fibres_of, p, change); }

@@ -61,8 +61,9 @@ fn hyperelastic_forces(thread: Thread) {
             let f = identity() + point.h;
             let squared = contracted(f, f);
             let flat = 0.5 * (1.0 + log_volume_slope(point.dilatation) * sqrt(squared));
-            pressed = max(pressed, contracted(point.log_gradient, point.log_gradient) - 2.0);
-            pressed = max(pressed, select(0.0, flat, 1.0 + point.dilatation < EXTENDED));
+            let volume = max(1.0, contracted(point.log_gradient, point.log_gradient) - 2.0);
+            let g = max(volume, select(0.0, flat, 1.0 + point.dilatation < EXTENDED));
+            pressed = max(pressed, law_stiffening(own.material, point, g));
             longest = max(longest, squared);
             if p == 0u { first_cofactor = point.cofactor; }
             let more = point.cofactor - first_cofactor;

@@ -41,6 +41,14 @@ fn mooney_rivlin_stress(c: vec2<f32>, p: Point) -> mat3x3<f32> {
     return p1 * (2.0 * c.x * scale) + p2 * (c.y * scale * scale);
 }
 
+fn mooney_rivlin_stiffening(c: vec2<f32>, p: Point, g: f32) -> f32 {
+    let v = invariants(p);
+    let scale = isochoric(p).scale;
+    let stretched = max(contracted(v.f, v.f) / 3.0 - 1.0, 0.0);
+    let second = max(1.5 * (1.0 + v.i2) * g - 0.5 + stretched, 1.0);
+    return (c.x * scale * (1.0 + v.i1) * g + c.y * scale * scale * second) / (c.x + c.y);
+}
+
 fn mooney_rivlin_tangent(c: vec2<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     let v = invariants(p);
     let own = isochoric(p);

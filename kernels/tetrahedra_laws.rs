@@ -16,6 +16,7 @@
 //! `A = R_kᵀ dF̄_k`
 //!
 //! `R (2 μ s sym A + b s tr A I + τ skew A)`, `s = max(1, |∂φ/∂F|² − 2) − p/(2 μ) max(1, |F|/√3)` (the second where it presses),
+//! the first with more of Mooney–Rivlin material ([`super::mooney_rivlin::stiffening`]),
 //!
 //! `b` 0, or `−⅔ μ` of isochoric laws, `τ = ½ (⅔ tr T + √⅔ |dev T|)` of the Biot stress `T` if positive. With the factor `f = 1 + r_K/h` of
 //! damping, `1 + (s − 1)/f` and `τ/f`.
@@ -70,6 +71,7 @@ pub fn tetrahedra_laws<R: Real>(
             if one + point.dilatation < R::of(EXTENDED) {
                 pressed = pressed.max((one + log_volume_slope(point.dilatation) * squared.sqrt()) / two);
             }
+            let pressed = own.stiffening(&point, pressed);
             let sheared = (-pressure / (two * shear)).max(zero) * (squared.max(three) / three).sqrt();
             s = one + ((pressed + sheared).min(R::of(STIFFEST)) - one) / params.stiffness_factor;
             let whole = found + point.cofactor * pressure;

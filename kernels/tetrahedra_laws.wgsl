@@ -42,6 +42,7 @@ fn tetrahedra_laws(thread: Thread) {
         if 1.0 + point.dilatation < EXTENDED {
             pressed = max(pressed, 0.5 * (1.0 + log_volume_slope(point.dilatation) * sqrt(squared)));
         }
+        pressed = law_stiffening(law, point, pressed);
         let sheared = max(-pressure / (2.0 * modulus), 0.0) * sqrt(max(squared, 3.0) / 3.0);
         s = 1.0 + (min(pressed + sheared, STIFFEST) - 1.0) / params.stiffness_factor;
         let whole = found + point.cofactor * pressure;

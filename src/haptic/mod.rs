@@ -90,6 +90,8 @@ pub struct Tick {
     pub sweeps: u32,
     /// The time budget ended the sweeps.
     pub out_of_time: bool,
+    /// The force was scaled down to what the coupling can exert.
+    pub bounded: bool,
 }
 
 /// State of the proxy, with scratch memory; one per device.
@@ -120,6 +122,8 @@ pub struct Renderer {
 
 /// Most sweeps of a tick: with warm starts 20 contacts take seven in the mean, and the force is off by 0.02 % (`benches/haptic.rs`).
 pub const MAX_SWEEPS: u32 = 20;
+/// Largest motion of the proxy by contact, in largest violations.
+const FARTHEST: f64 = 10.0;
 /// Relative change of the forces per sweep that ends the sweeps: 0.1 mN of 1 N, far below what a hand can feel.
 const SWEEP_TOLERANCE: f64 = 1e-4;
 /// Sweeps between two readings of the clock, each of which costs about as much as a sweep over one contact.
@@ -215,10 +219,24 @@ impl Renderer {
             tick.force += problem.axes[i] * self.force[i];
             tick.torque += self.angular[i] * self.force[i];
         }
+        self.bound(&mut tick, step);
         self.position = problem.position + translation + tick.force * c;
         self.rotation = DQuat::from_scaled_axis(rotation + tick.torque * ca) * problem.rotation;
         self.hand = hand;
         tick
+    }
+
+    /// Scales the forces down to what moves the proxy by [`FARTHEST`] times the largest violation. Sweeps over a compliance that is not
+    /// positive grow without bound, and so does the direct force of skin that hardly gives.
+    fn bound(&mut self, tick: &mut Tick, step: f64) {
+        let largest = self.free.iter().fold(0.0f64, |most, free| most.max(free.abs()));
+        let most = FARTHEST * largest * (self.coupling.stiffness + self.coupling.damping / step);
+        let force = tick.force.length();
+        if force > most {
+            let share = most / force;
+            self.force.iter_mut().for_each(|force| *force *= share);
+            (tick.force, tick.torque, tick.bounded) = (tick.force * share, tick.torque * share, true);
+        }
     }
 
     /// Compliances of the coupling, m/N and rad/(N·m).

@@ -238,7 +238,7 @@ impl Servo {
         }
         // output and counters
         let before = self.wrench.force;
-        let clamped = self.output(gain);
+        let clamped = self.output(gain) || self.rendered.bounded;
         self.count(problem, age, signs, clamped);
         let jump = (self.wrench.force - before).length();
         self.counts.jump_max = self.counts.jump_max.max(jump);
@@ -401,7 +401,7 @@ pub struct Counts {
     pub late: u64,
     /// Ticks with a problem from before a cut.
     pub stale: u64,
-    /// Ticks whose force or torque was limited to what the device can exert.
+    /// Ticks whose force or torque was limited to what the device can exert, or the coupling.
     pub clamped: u64,
     /// Times the force faded because the simulation was late.
     pub fades: u64,

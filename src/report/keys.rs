@@ -255,7 +255,7 @@ pub struct HapticReport {
     pub late_ticks: u64,
     /// Ticks with a contact problem from before a cut.
     pub stale_ticks: u64,
-    /// Ticks whose force or torque exceeded the device's or the scene's limits.
+    /// Ticks whose force or torque exceeded the limits of the device, the scene or the coupling.
     pub clamped: u64,
     /// Times the force faded because the simulation was late.
     pub fades: u64,

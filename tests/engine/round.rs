@@ -1,7 +1,7 @@
 //! Spheres and capsules on the skin: what holds them, what they feel, and what each check would miss without it.
 
 use cutis::math::random::Random;
-use cutis::scene::{Filter, Integrator, Law, Pose, Scene, read};
+use cutis::scene::{Files, Filter, Integrator, Law, Pose, Scene, parse, read};
 use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
@@ -282,4 +282,77 @@ fn a_capsule_lies_on_the_skin_along_its_whole_length() {
     assert!(tilt < 0.02, "tilted by {tilt} rad");
     let sphere = last(&run(&scene("hard/withdraw_sudden.toml"), Some(20)).1);
     println!("capsule at 0.3 mm {} N, sphere at 0.5 mm {sphere} N", last(&reports));
+}
+
+/// A thin block held at its bottom, with a ball that presses as deep as the block is thick, then moves aside: `skin` and `layer` have further
+/// keys of these sections, `tool` further sections, and the path goes from above to below by way of the heights, mm.
+fn pressed_flat(skin: &str, layer: &str, [radius, stiffness]: [f64; 2], [above, below]: [f64; 2], tool: &str) -> Scene {
+    let text = format!(
+        "title = \"pressed flat\"
+[time]
+step_ms = 5.0
+duration_s = 0.4
+[solver]
+tolerance = 1e-2
+[skin]
+size_mm = [8.0, 8.0]
+cells = [8, 8]
+rayleigh_mass_per_s = 0.01
+rayleigh_stiffness_s = 0.01
+{skin}
+[[skin.layer]]
+name = \"skin\"
+thickness_mm = 2.3
+cells = 4
+density_kg_m3 = 1100.0
+{layer}
+[[boundary]]
+region = \"bottom\"
+[[tool]]
+name = \"ball\"
+path_mm = [[0.0, -1.5, 0.05, {above}], [0.2, -1.5, 0.05, {below}], [0.4, 1.5, 0.05, {below}]]
+mass_g = 20.0
+inertia_g_mm2 = [80.0, 80.0, 80.0]
+[tool.round]
+radius_mm = {radius}
+points_mm = [[0.0, 0.0, 0.0]]
+[tool.coupling]
+stiffness_n_m = {stiffness}
+damping_n_s_m = 10.0
+angular_stiffness_n_m_rad = 3.0
+angular_damping_n_m_s_rad = 0.01
+{tool}
+[contact]
+friction = 0.1
+alarm_mm = 0.2
+max_contacts = 400
+"
+    );
+    parse(&text, Path::new("pressed.toml"), &Files::Folder(Path::new(".").into())).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A ball goes 0.3 mm past a held bottom, and one carves down to it. The nearest surface to its axis then is the bottom, from the inside, which
+/// would push it down: 63 N and 89 N.
+#[test]
+fn a_ball_that_presses_the_skin_flat_is_pushed_back_to_its_side() {
+    let soft = "young_kpa = 40.0\npoisson = 0.45";
+    let (_, reports) = run(&pressed_flat("", soft, [1.5, 20000.0], [4.0, 1.2], ""), None);
+    assert!(reports[16..].iter().all(|report| force(report, 0).z > 0.0), "pulled down");
+    assert!((2.0..8.0).contains(&peak(&reports)), "{} N", peak(&reports));
+    let stiff = "young_kpa = 300.0\npoisson = 0.45";
+    let carve = "[tool.carve]\ndistance_mm = 0.1\npressure_kpa = 40.0";
+    let (_, reports) = run(&pressed_flat("cut = \"remove\"", stiff, [1.0, 20000.0], [3.5, 1.3], carve), None);
+    assert!((0.5..8.0).contains(&peak(&reports)), "{} N", peak(&reports));
+}
+
+/// A Mooney–Rivlin block whose cells are pressed flat bears little more than a neo-Hookean one of its moduli. With the linearisation of the
+/// latter steps diverge: 106 N.
+#[test]
+fn mooney_rivlin_skin_that_is_pressed_flat_stays_stable() {
+    let shape = ([0.5, 1000.0], [3.0, 0.6]);
+    let neo = pressed_flat("", "young_kpa = 38.9\npoisson = 0.4515", shape.0, shape.1, "");
+    let constants = "c10_kpa = 5.0\nc01_kpa = 1.7\nbulk_kpa = 134.0";
+    let mooney = pressed_flat("law = \"mooney_rivlin\"", constants, shape.0, shape.1, "");
+    let [neo, mooney] = [neo, mooney].map(|scene| peak(&run(&scene, None).1));
+    assert!((1.0..1.5).contains(&(mooney / neo)), "{mooney} N, {neo} N");
 }
