@@ -303,7 +303,7 @@ pub struct Mesh {
     /// Write text instead of binary numbers
     #[arg(long, requires = "out")]
     pub text: bool,
-    /// Before writing and drawing, join equal points, turn inverted tetrahedra, leave out what is unused, repeated or degenerate
+    /// Before writing and drawing, join points at one position, turn inverted tetrahedra, leave out what is unused, repeated or degenerate
     #[arg(long)]
     pub mend: bool,
     /// Draw the surface into a PNG file, coloured by region

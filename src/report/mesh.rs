@@ -249,9 +249,32 @@ fn quality(mesh: &Mesh) -> Quality {
     q
 }
 
-/// Bits of a position; those of −0 are those of 0.
-fn key(point: &[f64; 3]) -> [u64; 3] {
-    point.map(|coordinate| (coordinate + 0.0).to_bits())
+/// Distance below which points are at one position, in diagonals of the mesh: what files in single precision round, times ten.
+const SAME: f64 = 1e-6;
+/// Width of the cells that points are looked up in, in such distances: most points are farther than one from all borders.
+const LOOKED_UP: f64 = 64.0;
+
+/// `[point]` the first point at its position.
+fn first_of(points: &[[f64; 3]]) -> Vec<u32> {
+    let all = || points.iter().map(|p| DVec3::from(*p));
+    let (low, high) = all().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let same = (SAME * (high - low).length()).max(f64::MIN_POSITIVE);
+    let mut known: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(points.len());
+    let mut out: Vec<u32> = Vec::with_capacity(points.len());
+    for (id, p) in (0..).zip(all()) {
+        // points that stand for themselves, in all cells that the distance reaches
+        let cell = |at: DVec3| ((at - low) / (LOOKED_UP * same)).floor().as_i64vec3().to_array();
+        let [from, to] = [cell(p - same), cell(p + same)];
+        let cells = (from[0]..=to[0])
+            .flat_map(|x| (from[1]..=to[1]).flat_map(move |y| (from[2]..=to[2]).map(move |z| [x, y, z])));
+        let near = cells.filter_map(|cell| known.get(&cell)).flatten().copied();
+        let found = near.filter(|other| DVec3::from(points[*other as usize]).distance(p) <= same).min();
+        if found.is_none() {
+            known.entry(cell(p)).or_default().push(id);
+        }
+        out.push(found.unwrap_or(id));
+    }
+    out
 }
 
 /// Ids in ascending order.
@@ -272,14 +295,13 @@ fn repeated<const N: usize>(cells: &[[u32; N]]) -> (usize, Option<usize>) {
 fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
     let mut used = vec![false; mesh.points.len()];
     mesh.tetrahedra.as_flattened().iter().chain(mesh.triangles.as_flattened()).for_each(|id| used[*id as usize] = true);
-    let mut known = HashSet::with_capacity(mesh.points.len());
+    let first = first_of(&mesh.points);
     let of_points = |holds: &mut dyn FnMut(usize) -> bool| {
         let found = (0..mesh.points.len()).filter(|id| holds(*id)).collect::<Vec<_>>();
         (found.len(), found.first().copied())
     };
     let unused = of_points(&mut |id| !used[id]);
-    let equal = of_points(&mut |id| !known.insert(key(&mesh.points[id])));
-    drop(known);
+    let equal = of_points(&mut |id| first[id] as usize != id);
     let of_solids = |holds: &dyn Fn(&[u32; 4]) -> bool| {
         let mut found = mesh.tetrahedra.iter().enumerate().filter(|(_, nodes)| holds(nodes)).map(|(k, _)| k);
         let first = found.next();
@@ -345,8 +367,7 @@ fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
 /// The mesh without what `--mend` leaves out, joins or turns; the order of what stays is kept.
 pub fn mended(mesh: &Mesh) -> Mesh {
     // points at one position become the first of them
-    let mut first: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.points.len());
-    let joined: Vec<u32> = mesh.points.iter().zip(0..).map(|(p, id)| *first.entry(key(p)).or_insert(id)).collect();
+    let joined = first_of(&mesh.points);
     let mut out = Mesh { points: mesh.points.clone(), groups: mesh.groups.clone(), ..Mesh::default() };
     let mut known = HashSet::new();
     for (nodes, region) in mesh.tetrahedra.iter().zip(&mesh.tetrahedron_regions) {

@@ -86,7 +86,7 @@ impl Leak {
         match self {
             Self::Empty | Self::Point(_) | Self::NonFinite(_) => "export the surface of the body as triangles",
             Self::Open(..) => {
-                "`cutis mesh FILE --mend --out NEW` joins equal points and leaves repeated triangles out; close holes and turn triangles \
+                "`cutis mesh FILE --mend --out NEW` joins points at one position and leaves repeated triangles out; close holes and turn triangles \
                  alike in the program that made the mesh"
             }
             Self::Inverted => "flip the normals in the program that made the mesh",

@@ -337,6 +337,20 @@ pub enum Invalid {
         column: String,
     },
 
+    /// Moments of inertia that no body has.
+    #[error(
+        "{at}: inertia_g_mm2: {largest:?} is more than the other two together, {others:?} g·mm², as no body has it; take the moments about the \
+         principal axes through the centre of mass"
+    )]
+    Inertia {
+        /// Where.
+        at: Location,
+        /// Largest one, g·mm².
+        largest: f64,
+        /// Sum of the others, g·mm².
+        others: f64,
+    },
+
     /// Two bounds in the wrong order.
     #[error("{at}: {key}: the lower bound {lower:?} must be {relation} the upper bound {upper:?}; {fix}")]
     Order {

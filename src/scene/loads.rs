@@ -149,7 +149,7 @@ fn surface(scene: &SceneText, raw: &raw::Load, extent: Extent, skin: &Skin, grid
         return match grids.iter().find(|grid| !grid.loads(&region)) {
             None => Ok(region),
             Some(grid) => {
-                let region = "the rectangle".to_string();
+                let region = "rectangle_mm".to_string();
                 Err(Invalid::NoSurface { at: scene.location(rectangle.span()), grid: grid.name, region })
             }
         };

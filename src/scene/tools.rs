@@ -24,6 +24,9 @@ pub(super) const NORMAL_SLACK: f64 = 6.0;
 /// Maximum contact samples of a blade: a scalpel has a few hundred, and detection visits each in every step.
 pub(super) const MOST_SAMPLES: f64 = 1e5;
 
+/// Share by which a moment of inertia may exceed the sum of the others: digits of a file.
+const ROUNDED: f64 = 1e-3;
+
 /// Tools in the file's order, with their meshes and trajectories.
 pub(super) fn tools(
     scene: &SceneText,
@@ -58,7 +61,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         name,
         mesh,
         mass: scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?,
-        inertia: scene.vector("inertia_g_mm2", &raw.inertia_g_mm2, G_MM2, Bound::Positive)?,
+        inertia: inertia(scene, &raw.inertia_g_mm2)?,
         blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
         tip_radius,
@@ -149,6 +152,22 @@ fn carve(scene: &SceneText, raw: raw::Carve) -> Result<Carve> {
         pressure: scene.number("pressure_kpa", &or(raw.pressure_kpa, 0.0), KPA, Bound::NotNegative)?,
         whole_cells: raw.whole_cells.unwrap_or(false),
     })
+}
+
+/// Principal moments of inertia, kg·m²; none is more than the other two together.
+fn inertia(scene: &SceneText, raw: &raw::Numbers) -> Result<[f64; 3]> {
+    let moments = scene.vector("inertia_g_mm2", raw, G_MM2, Bound::Positive)?;
+    let (largest, sum) = (moments.into_iter().fold(0.0, f64::max), moments.iter().sum::<f64>());
+    let others = sum - largest;
+    let in_g_mm2 = |moment: f64| (moment * 1e15).round() / 1e6;
+    match largest > others * (1.0 + ROUNDED) {
+        true => Err(Invalid::Inertia {
+            at: scene.location(raw.span()),
+            largest: in_g_mm2(largest),
+            others: in_g_mm2(others),
+        }),
+        false => Ok(moments),
+    }
 }
 
 /// Refuses a tool that carves where whole cells cannot be removed.
