@@ -3,6 +3,7 @@
 
 use crate::small::{block, held};
 use cutis::bodies::{Model, Wound};
+use cutis::mesh::Edges;
 use cutis::scene::{Carve, Contact, Cut, Pose, Region, Round, Scene, Tool};
 use cutis::step::{Platform, Simulation, StepReport};
 
@@ -66,7 +67,7 @@ fn components(model: &Model, cells: &[usize]) -> Vec<usize> {
     sizes
 }
 
-/// What no carved body may have: cells around a node that do not share faces, pieces that are too small, masses that are not the cells'.
+/// What no carved body may have: cells around a node or an edge that do not share faces, pieces that are too small, masses that are not the cells'.
 fn faults(model: &Model, wound: &Wound) -> Vec<String> {
     let mut out = vec![];
     let params = model.params::<f64>();
@@ -79,6 +80,10 @@ fn faults(model: &Model, wound: &Wound) -> Vec<String> {
         if around.is_empty() != (wound.free[node][3] == 0.0) {
             out.push(format!("node {node} of {} cells has {} kg", around.len(), wound.free[node][3]));
         }
+    }
+    let edges = wound.surface.edges();
+    if edges != Edges::default() {
+        out.push(format!("{edges:?}"));
     }
     out.extend(
         components(model, &alive).iter().filter(|size| **size < FRAGMENT).map(|size| format!("a piece of {size}")),

@@ -122,8 +122,8 @@ impl Wound {
         }
     }
 
-    /// Removes cells, then what they leave that no tissue has: cells that meet the others around a node in an edge or a corner alone, of
-    /// which only the most that share faces stay (Sase et al. 2015), and pieces of fewer than [`FRAGMENT`] cells.
+    /// Removes cells, then what they leave that no tissue has: cells that meet the others around a node or an edge in an edge or a corner
+    /// alone, of which only the most that share faces stay (Sase et al. 2015), and pieces of fewer than [`FRAGMENT`] cells.
     pub(super) fn carve_cells(&mut self, model: &Model, cells: &[u32]) -> Removal {
         let mut removal = Removal::default();
         let mut next: Vec<u32> = cells.to_vec();
@@ -200,14 +200,18 @@ impl Wound {
         nodes.dedup();
         for node in nodes {
             let at = params.node_at(node);
-            let mut around: Vec<usize> =
-                (0..8).filter_map(|a| params.cell_below(at, a)).filter(|c| alive(*c)).collect();
-            let mut best: Vec<usize> = vec![];
-            while let Some(first) = around.first().copied() {
-                let found = piece(first, &|cell| around.contains(&cell), usize::MAX);
-                around.retain(|cell| !found.contains(cell));
-                let less = if found.len() > best.len() { std::mem::replace(&mut best, found) } else { found };
-                out.extend(less.iter().map(|cell| *cell as u32));
+            // the cells around the node, and around the edges that begin there: two across an edge may share faces with others alone
+            for axis in [None, Some(0), Some(1), Some(2)] {
+                let holds = |a: &usize| axis.is_none_or(|axis| corner(*a)[axis] == 0);
+                let mut around: Vec<usize> =
+                    (0..8).filter(holds).filter_map(|a| params.cell_below(at, a)).filter(|c| alive(*c)).collect();
+                let mut best: Vec<usize> = vec![];
+                while let Some(first) = around.first().copied() {
+                    let found = piece(first, &|cell| around.contains(&cell), usize::MAX);
+                    around.retain(|cell| !found.contains(cell));
+                    let less = if found.len() > best.len() { std::mem::replace(&mut best, found) } else { found };
+                    out.extend(less.iter().map(|cell| *cell as u32));
+                }
             }
         }
         for cell in removed.iter().flat_map(|cell| neighbours(*cell as usize)) {
