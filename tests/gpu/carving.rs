@@ -82,7 +82,7 @@ fn carved_alike(gpu: &Gpu) -> Result<(), Failure> {
     let apart = rounds(gpu, 0)?;
     let worst = apart.iter().copied().fold(0.0, f64::max);
     super::report(gpu, &format!("{} rounds, {worst:.1e} apart at most", apart.len()));
-    match apart.len() > 20 && worst <= APART {
+    match apart.len() > 15 && worst <= APART {
         true => Ok(()),
         false => Err(format!("{apart:?}").into()),
     }
