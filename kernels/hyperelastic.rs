@@ -330,7 +330,8 @@ impl<N: Number> Cell<N> {
     ///
     /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness against hourglass patterns, which `y` leaves out; the stiffness
     /// that pressure gives to shear; and what stretched fibres add ([`holzapfel::stiffening`]). Where `ln J` is extended the first term is at
-    /// least `(1 + φ' |F|)/2`; Mooney–Rivlin material has more ([`mooney_rivlin::stiffening`]). A pre-strain scales the small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
+    /// least `(1 + φ' |F|)/2`; Mooney–Rivlin material has more ([`mooney_rivlin::stiffening`]). A pre-strain scales the small-strain stiffness
+    /// by up to `max (1 + e)²/Π (1 + e)`.
     ///
     /// Rayleigh damping acts with `R K' Rᵀ` and the same stiffness of the volume: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
     /// result is `1 + (s − 1)/f`.

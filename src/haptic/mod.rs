@@ -355,6 +355,19 @@ mod tests {
     }
 
     #[test]
+    fn skin_that_hardly_gives_pushes_no_harder_than_the_coupling_can() {
+        let pressed = |compliance: f64| {
+            let mut renderer = Renderer::new(LINK, hand(0.0));
+            renderer.rendering = Rendering::Direct;
+            renderer.tick(&wall(compliance), hand(-1e-3), 1e-3, 0.0)
+        };
+        // 10⁶ N without a bound
+        let (hard, soft) = (pressed(1e-9), pressed(3e-3));
+        assert!(hard.bounded && (hard.force.z - FARTHEST * 1e-3 * LINK.stiffness).abs() < 1e-9, "{hard:?}");
+        assert!(!soft.bounded && (soft.force.z - 1.0 / 3.0).abs() < 1e-6, "{soft:?}");
+    }
+
+    #[test]
     fn there_is_no_force_off_the_wall() {
         let mut renderer = Renderer::new(LINK, hand(0.0));
         assert_eq!(renderer.tick(&wall(0.0), hand(1e-3), 1e-3, 0.0).force, DVec3::ZERO);

@@ -205,6 +205,7 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
+    /// Side of each deformable body that each round tool was on at the last step.
     sides: find::Sides,
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
