@@ -166,9 +166,8 @@ fn to_one_percent(platforms: &[Platform], rounds: usize) {
         let press = Press { across, levels: THICK, poisson, step_ms: 10 };
         let exact = Press::solve(press.backend(Platform::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
         for platform in platforms {
-            // plain CG needs up to a third more iterations in f32; a GPU rounds as the f32 twins do
-            let precision = if *platform == Platform::F64 { Platform::F64 } else { Platform::F32 };
-            let stops = KINDS.map(|(kind, _)| loosest(&press, precision, kind, &exact));
+            // each platform has its own: residuals of different rounding may be as small some iterations earlier
+            let stops = KINDS.map(|(kind, _)| loosest(&press, *platform, kind, &exact));
             let mut backends = [0, 1, 2].map(|k| press.backend(*platform, KINDS[k].0, stops[k].0));
             let mut times = [vec![], vec![], vec![]];
             let (mut errors, mut counts) = ([0.0; 3], [0; 3]);

@@ -22,6 +22,6 @@ fn collect_product(thread: Thread) {
     let sum_of_group = group_sum(more_dot, thread.lane);
     if thread.lane == 0u && i < params.node_count {
         let tiles = product_tiles(params); // whose sums come first
-        partial_product[slot * params.product_groups + tiles.x * tiles.y + block] = sum_of_group;
+        partial_product[slot * params.product_groups + tiles.x * tiles.y * tiles.z + block] = sum_of_group;
     }
 }

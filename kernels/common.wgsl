@@ -54,9 +54,12 @@ fn has_cell(p: Params, c: vec3<u32>) -> bool {
 
 const PRODUCT_TILE: u32 = 7u; // nodes along a side of product.wgsl's tiles; one thread more computes cells
 
-// Tiles of the product along x and y.
-fn product_tiles(p: Params) -> vec2<u32> {
-    return (vec2<u32>(p.nodes_x, p.nodes_y) + PRODUCT_TILE - 1u) / PRODUCT_TILE;
+const PRODUCT_SLAB: u32 = 8u; // levels of nodes of a tile
+
+// Tiles of the product along x, y and z.
+fn product_tiles(p: Params) -> vec3<u32> {
+    let size = vec3<u32>(PRODUCT_TILE, PRODUCT_TILE, PRODUCT_SLAB);
+    return (vec3<u32>(p.nodes_x, p.nodes_y, p.nodes_z) + size - 1u) / size;
 }
 
 // Node columns, with the duplicate ones; and the first node of a column and the stride to the next (split.rs).

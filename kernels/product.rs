@@ -9,8 +9,9 @@
 //! nothing. This takes 342 operations per cell (patterns, rotations, blocks) instead of 720, and 72 numbers per layer instead of
 //! 576. (The patterns are the hourglass base vectors of Flanagan, Belytschko 1981, here for the complete matrix of any element.)
 //!
-//! The shader sweeps tiles of 8×8 cell columns upwards: each cell is computed once, its corner forces are shared in workgroup memory, and
-//! the inner 7×7 nodes gather.
+//! The shader sweeps tiles of 8×8 cell columns upwards through slabs of 8 levels of nodes: corner forces are shared in workgroup memory, and
+//! the inner 7×7 nodes gather. A level costs a GPU the time of a memory access whatever the grid's size, and slabs run side by side; the
+//! cells between two slabs are computed in both.
 //!
 //! The twin sweeps strips of node rows upwards, one strip per core at a time. A level's cells have the numbers of the nodes at their lowest
 //! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
@@ -45,10 +46,12 @@ pub const SOURCE: Source =
 
 /// Nodes along a side of a workgroup's tile.
 pub const TILE: u32 = 7;
+/// Levels of nodes of a workgroup's tile.
+pub const SLAB: u32 = 8;
 
 /// Workgroups of the shader per right-hand side.
 pub fn tiles<R: Real>(params: &Params<R>) -> usize {
-    (params.nodes_x.div_ceil(TILE) * params.nodes_y.div_ceil(TILE)) as usize
+    (params.nodes_x.div_ceil(TILE) * params.nodes_y.div_ceil(TILE) * params.nodes_z.div_ceil(SLAB)) as usize
 }
 
 /// Element matrix of a layer as the eight 3×3 blocks of `B`, by rows.

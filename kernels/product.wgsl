@@ -6,7 +6,7 @@
 @group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
-@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w
+@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w, of a slab each
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 @group(0) @binding(9) var<storage, read> split: array<u32>;                  // see split.rs
 
@@ -77,28 +77,33 @@ fn product(thread: Thread) {
     let lane = thread.lane;
     let tile = group_of(thread);
     let tiles = product_tiles(params);
-    let tile_count = tiles.x * tiles.y;
+    let tile_count = tiles.x * tiles.y * tiles.z;
     let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0 && tile < tile_count;
     let x = (tile % tiles.x) * PRODUCT_TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1
-    let y = (tile / tiles.x) * PRODUCT_TILE + lane / 8u;
+    let y = (tile / tiles.x % tiles.y) * PRODUCT_TILE + lane / 8u;
+    let first = tile / (tiles.x * tiles.y) * PRODUCT_SLAB; // levels of nodes of this slab
+    let last = min(first + PRODUCT_SLAB, params.nodes_z);
     let has_cell = running && x >= 1u && y >= 1u && x <= params.cells_x && y <= params.cells_y;
     let has_node = running && lane % 8u < PRODUCT_TILE && lane / 8u < PRODUCT_TILE && x < params.nodes_x && y < params.nodes_y;
     let level = params.nodes_x * params.nodes_y;
     let corner_0 = offset + (x - 1u) + params.nodes_x * (y - 1u);
+    let start = max(first, 1u) - 1u; // level of cells under the first nodes
     var at: array<vec3<f32>, 8>;
     if has_cell {
-        at[4] = z[corner_0].xyz;
-        at[5] = z[corner_0 + 1u].xyz;
-        at[6] = z[corner_0 + params.nodes_x].xyz;
-        at[7] = z[corner_0 + params.nodes_x + 1u].xyz;
+        let lowest = corner_0 + start * level;
+        at[4] = z[lowest].xyz;
+        at[5] = z[lowest + 1u].xyz;
+        at[6] = z[lowest + params.nodes_x].xyz;
+        at[7] = z[lowest + params.nodes_x + 1u].xyz;
     }
     var below = vec3<f32>(0.0); // from the cells under the node's level
     var product_dot = 0.0;
-    for (var k = 0u; k < params.nodes_z; k += 1u) {
+    for (var step = 0u; step < min(PRODUCT_SLAB + 1u, params.nodes_z); step += 1u) {
+        let k = start + step;
         var force: array<vec3<f32>, 8>;
-        if has_cell && k < params.cells_z {
+        if has_cell && k < min(last, params.cells_z) {
             at[0] = at[4]; at[1] = at[5]; at[2] = at[6]; at[3] = at[7];
             let upper = corner_0 + (k + 1u) * level;
             at[4] = z[upper].xyz;
@@ -110,7 +115,7 @@ fn product(thread: Thread) {
         }
         for (var n = 0u; n < 8u; n += 1u) { corner_force[n * 64u + lane] = force[n]; }
         workgroupBarrier();
-        if has_node {
+        if has_node && k >= first && k < last {
             // the node is corner 3 of the cell at its own thread, 2 of the one at +x, 1 at +y, 0 at +x +y
             let above = corner_force[192u + lane] + corner_force[129u + lane]
                 + corner_force[72u + lane] + corner_force[9u + lane];
@@ -119,6 +124,8 @@ fn product(thread: Thread) {
             let out = ((below + above) * params.stiffness_factor + own * (params.inertia * free[i].w)) * free[i].xyz;
             w[offset + i] = vec4<f32>(out, 0.0);
             product_dot += dot(own, out);
+        }
+        if has_node {
             below = corner_force[448u + lane] + corner_force[385u + lane]
                 + corner_force[328u + lane] + corner_force[265u + lane];
         }

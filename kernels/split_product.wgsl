@@ -56,6 +56,6 @@ fn split_product(thread: Thread) {
     let sum_of_group = group_sum(product_dot, thread.lane);
     if thread.lane == 0u && entry < params.touched_nodes {
         let tiles = product_tiles(params); // whose sums come first
-        partial_product[slot * params.product_groups + tiles.x * tiles.y + index] = sum_of_group;
+        partial_product[slot * params.product_groups + tiles.x * tiles.y * tiles.z + index] = sum_of_group;
     }
 }

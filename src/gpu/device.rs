@@ -560,8 +560,11 @@ impl Batch {
         let groups = (threads as u64).div_ceil(u64::from(kernel.pipeline.shader.workgroup));
         let folds = groups.div_ceil(MAX_GROUPS);
         let (encoder, timing) = (&mut self.encoder, &self.timing);
+        if timing.as_ref().is_some_and(|timing| timing.by_launch) {
+            self.pass = None;
+        }
         let pass = self.pass.get_or_insert_with(|| {
-            let timestamp_writes = timing.as_ref().and_then(|timing| timing.of_pass());
+            let timestamp_writes = timing.as_ref().and_then(|timing| timing.of_pass(kernel.pipeline.shader.name));
             let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
             encoder.begin_compute_pass(&descriptor).forget_lifetime()
         });
@@ -586,9 +589,9 @@ impl Batch {
     }
 
     /// Copies the first `count` timestamps of a set into a buffer.
-    fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer) {
+    fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer, to_byte: u64) {
         self.pass = None;
-        self.encoder.resolve_query_set(set, 0..count, &to.raw, 0);
+        self.encoder.resolve_query_set(set, 0..count, &to.raw, to_byte);
     }
 
     fn finish(mut self) -> wgpu::CommandBuffer {
