@@ -21,11 +21,10 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
         Some(_) => format!("peak force {:.3} N at {:.3} s", r.contact_force_n_max, summary.peak_time),
         None => "no tool touches the skin".into(),
     };
-    let by = if summary.pictures.rasterised { " by the CPU, since the adapter does not draw," } else { "" };
-    let pictures = match summary.pictures.count {
+    let pictures = match summary.frames {
         0 => "no pictures".to_string(),
-        1 => format!("1 picture{by} in {}frames", super::shown(out)),
-        n => format!("{n} pictures{by} in {}frames", super::shown(out)),
+        1 => format!("1 picture in {}frames", super::shown(out)),
+        n => format!("{n} pictures in {}frames", super::shown(out)),
     };
     let ticks = ticks(r);
     format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", super::shown(out))

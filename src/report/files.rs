@@ -37,15 +37,6 @@ pub(super) struct Folder {
     painter: Option<Painter>,
 }
 
-/// Pictures of a run.
-#[derive(Clone, Copy, Debug)]
-pub struct Pictures {
-    /// Their number.
-    pub count: u32,
-    /// The CPU has drawn them, because the adapter computes and does not draw ([`crate::view::draws`]).
-    pub rasterised: bool,
-}
-
 /// Positions in the files of a run.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Written {
@@ -219,11 +210,10 @@ impl Folder {
     }
 
     /// Closes the tables; returns the number of pictures.
-    pub fn finish(self) -> Result<Pictures> {
+    pub fn finish(self) -> Result<u32> {
         self.release()?;
         self.tables.finish()?;
-        let rasterised = self.painter.is_some_and(|painter| painter.drawless);
-        Ok(Pictures { count: self.frame_count, rasterised })
+        Ok(self.frame_count)
     }
 }
 

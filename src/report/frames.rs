@@ -4,7 +4,6 @@
 use crate::backend::Snapshot;
 use crate::bodies::rigid::Instrument;
 use crate::error::Result;
-use crate::gpu::Gpu;
 use crate::math::V4;
 use crate::mesh::Face;
 use crate::output::{Failed, replace};
@@ -254,25 +253,17 @@ pub fn with_surfaces<R>(
     draw(&bodies, &instruments)
 }
 
-/// Draws the pictures of a run: on the simulation's own device, or with the rasteriser where there is none, its textures are too small, or it
-/// does not draw.
-pub struct Painter {
-    renderer: Option<Renderer>,
-    /// The device computes and does not draw ([`view::draws`]).
-    pub drawless: bool,
-}
+/// Draws the pictures of a run: on the simulation's own device, or with the rasteriser where there is none or its textures are too small.
+pub struct Painter(Option<Renderer>);
 
 impl Painter {
     /// For the pictures of a scene.
     pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
-        let gpu = simulation.gpu();
-        // software adapters draw, and a trial takes them long
-        let drawless = gpu.is_some_and(|gpu| !gpu.adapter.software && !view::draws(&gpu.adapter));
         let renderer = |(device, queue): (wgpu::Device, wgpu::Queue)| {
             let largest = device.limits().max_texture_dimension_2d;
             scene.view.size.iter().all(|side| *side <= largest).then(|| Renderer::new(device, queue, Effort::Full))
         };
-        Self { renderer: gpu.filter(|_| !drawless).map(Gpu::handles).and_then(renderer), drawless }
+        Self(simulation.gpu().map(|gpu| gpu.handles()).and_then(renderer))
     }
 
     /// Draws a state with the scene's camera.
@@ -290,7 +281,7 @@ impl Painter {
         let caption = caption(scene, simulation, step);
         let lines: Vec<&str> = caption.iter().map(String::as_str).collect();
         let (camera, [width, height]) = (camera(scene), scene.view.size);
-        with_surfaces(scene, skin, &tools, &Look::default(), |bodies, tools| match &mut self.renderer {
+        with_surfaces(scene, skin, &tools, &Look::default(), |bodies, tools| match &mut self.0 {
             None => view::render(&[bodies, tools].concat(), &camera, width, height, &lines),
             Some(renderer) => {
                 let skipped = renderer.load(&view::Drawn { clipped: bodies, whole: tools, in_front: &[] });

@@ -2,7 +2,7 @@
 
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
-use super::files::{self, Folder, Pictures};
+use super::files::{self, Folder};
 use super::haptics::{self, HapticFiles};
 use super::inspect::{self, Purpose};
 use super::listing::Listing;
@@ -110,8 +110,8 @@ pub struct Summary {
     pub report: Report,
     /// Time of the largest contact force, s.
     pub peak_time: f64,
-    /// Pictures.
-    pub pictures: Pictures,
+    /// Number of pictures.
+    pub frames: u32,
     /// Failed checks; none if the run ended before the scene.
     pub failures: Vec<check::Failure>,
     /// The run ended before the scene, so its checks were not evaluated.
@@ -202,7 +202,7 @@ fn run_from(
             true => vec![],
             false => check::failures(scene, &report),
         },
-        pictures: running.folder.finish()?,
+        frames: running.folder.finish()?,
         peak_time: running.collector.peak_time(),
         cut_short,
         report,

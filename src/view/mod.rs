@@ -16,7 +16,7 @@ mod raster;
 mod shade;
 
 pub use overlay::{ColorBar, VIRIDIS, caption, color_bar, color_of, strokes};
-pub use picture::{Clip, Drawn, Effort, Renderer, draws};
+pub use picture::{Clip, Drawn, Effort, Renderer};
 pub use raster::NoMemory;
 
 use crate::error::Result;

@@ -8,19 +8,15 @@
 use super::pipelines::{Corner, DEPTH, FORMAT, Maker, SAMPLES, Stroke, layouts};
 use super::raster::{LINE_DEPTH_SHARE, ShadowMap};
 use super::shade::{AMBIENT, BACKGROUND, FILL, KEY, RIM};
-use super::{Camera, Image, NEAR, Paint, Surface, Triangle, View, prepare};
+use super::{Camera, Image, NEAR, Surface, Triangle, View, prepare};
 use crate::error::Result;
-use crate::gpu::{Adapter, Failed};
+use crate::gpu::Failed;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
-use std::time::Duration;
 
 /// Share by which what is in front is nearer: before everything but what is closer than an eighth of its own distance.
 const FRONT: f32 = 8.0;
-
-/// Time within which an adapter's trial picture comes back ([`draws`]); milliseconds are usual.
-const TRIAL: Duration = Duration::from_secs(10);
 
 /// Kinds of what is drawn, as the shader has them.
 const WHOLE: f32 = 0.0;
@@ -325,14 +321,8 @@ impl Renderer {
     /// # Errors
     /// [`Failed::Device`] if the device fails.
     pub fn read(&self) -> Result<Image> {
-        let never = Failed::Device { message: "a picture was not waited for".into() };
-        self.read_within(None)?.ok_or_else(|| never.into())
-    }
-
-    /// As [`Self::read`]; `None` if the picture has not come after `limit`.
-    fn read_within(&self, limit: Option<Duration>) -> Result<Option<Image>> {
         let Some(target) = &self.target else {
-            return Ok(Some(Image { width: 0, height: 0, rgb: vec![], skipped: 0 }));
+            return Ok(Image { width: 0, height: 0, rgb: vec![], skipped: 0 });
         };
         let [width, height] = target.size;
         let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -353,45 +343,13 @@ impl Renderer {
         self.queue.submit([encoder.finish()]);
         let failed = |message: String| Failed::Device { message };
         staging.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
-        match self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: limit }) {
-            Err(wgpu::PollError::Timeout) if limit.is_some() => return Ok(None),
-            waited => waited.map_err(|e| failed(e.to_string()))?,
-        };
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
         let mapped = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
         let mut rgb = Vec::with_capacity(3 * width as usize * height as usize);
         for line in mapped.chunks_exact(row as usize) {
             line[..4 * width as usize].chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
         }
-        Ok(Some(Image { width, height, rgb, skipped: 0 }))
-    }
-}
-
-/// Whether an adapter draws: a picture of one triangle, on a device of its own, comes back in time. There are adapters that compute and whose
-/// drawing never ends, nor does what is submitted after it (NVIDIA H200 in a virtual machine, driver 580.159).
-pub fn draws(adapter: &Adapter) -> bool {
-    let Ok((_, (device, queue))) = adapter.request(&wgpu::DeviceDescriptor::default()) else { return false };
-    let mut renderer = Renderer::new(device, queue, Effort::Full);
-    let positions = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0]];
-    let triangles = [[0, 1, 2]];
-    let surface = Surface {
-        positions: &positions,
-        triangles: &triangles,
-        colors: Paint::Triangles(&[]),
-        smooth: true,
-        outlines: &[],
-        shininess: 10.0,
-    };
-    renderer.load(&Drawn { clipped: &[surface], ..Drawn::default() });
-    let camera = Camera { eye: [0.0, 0.0, 0.1], target: [0.0; 3], up: [0.0, 1.0, 0.0], field_of_view_deg: 30.0 };
-    renderer.draw(&camera, [64; 2], None);
-    match renderer.read_within(Some(TRIAL)) {
-        Ok(Some(_)) => true,
-        Ok(None) => {
-            // its end would wait for what never ends
-            std::mem::forget(renderer);
-            false
-        }
-        Err(_) => false,
+        Ok(Image { width, height, rgb, skipped: 0 })
     }
 }
 
