@@ -9,6 +9,7 @@ use cutis::bodies::grid::direct::Direct;
 use cutis::gpu::Gpu;
 use cutis::scene::{Files, Preconditioner, parse};
 use std::path::Path;
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 /// Relative L2 error of the displacement that is asked for.
@@ -100,8 +101,9 @@ impl Press {
             Platform::F64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, 0.0, &start)),
             Platform::F32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, 0.0, &start)),
             Platform::Gpu => {
-                let gpu = Gpu::open(None).expect("an adapter");
-                Box::new(GpuBackend::new(gpu, &model, needs, cap, 0.0, &start).expect("the grid fits"))
+                // one device for all, whose number is limited
+                static DEVICE: LazyLock<Arc<Gpu>> = LazyLock::new(|| Arc::new(Gpu::open(None).expect("an adapter")));
+                Box::new(GpuBackend::new(DEVICE.clone(), &model, needs, cap, 0.0, &start).expect("the grid fits"))
             }
         };
         backend.set_load(&load);

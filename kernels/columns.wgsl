@@ -1,10 +1,6 @@
 // M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that includes it binds `block`, `r`, `partial_gamma` and
-// `scalars` and has five functions of an index `at` into [slot][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
-// turns the solution, with what `earlier` has read, into the z of r·z.
-
-// Levels whose values are read together: a GPU waits for memory once for all of them, which is most of what a column takes.
-const AHEAD: u32 = 4u;
-
+// `scalars` and has four functions of an index `at` into [slot][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
+// turns the solution into the z of r·z.
 fn solve_columns(thread: Thread) {
     let group_index = group_of(thread);
     let column = number_of(thread);
@@ -15,50 +11,21 @@ fn solve_columns(thread: Thread) {
     let running = scalars[slot * 2u].w == 0.0;
     var gamma = 0.0;
     if running && column < columns {
-        var factors: array<Block, AHEAD>;
-        var load: array<vec3<f32>, AHEAD>;
         var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
         // forward substitution, bottom to top
-        for (var k = 0u; k < params.nodes_z; k += AHEAD) {
-            let count = min(AHEAD, params.nodes_z - k);
-            for (var n = 0u; n < AHEAD; n += 1u) {
-                if n < count {
-                    let i = nodes.x + (k + n) * nodes.y;
-                    factors[n] = factors_of(i);
-                    load[n] = pushed(offset + i);
-                }
-            }
-            for (var n = 0u; n < AHEAD; n += 1u) {
-                if n < count {
-                    let y = load[n] - carried;
-                    keep(offset + nodes.x + (k + n) * nodes.y, y);
-                    carried = y * factors[n].g;
-                }
-            }
+        for (var k = 0u; k < params.nodes_z; k += 1u) {
+            let i = nodes.x + k * nodes.y;
+            let y = pushed(offset + i) - carried;
+            keep(offset + i, y);
+            carried = y * factors_of(i).g;
         }
         // backward substitution, top to bottom
-        var before: array<array<vec3<f32>, 2>, AHEAD>;
-        var residual: array<vec3<f32>, AHEAD>;
         var above = vec3<f32>(0.0);
-        for (var k = 0u; k < params.nodes_z; k += AHEAD) {
-            let count = min(AHEAD, params.nodes_z - k);
-            let top = nodes.x + (params.nodes_z - 1u - k) * nodes.y;
-            for (var n = 0u; n < AHEAD; n += 1u) {
-                if n < count {
-                    let i = top - n * nodes.y;
-                    factors[n] = factors_of(i);
-                    load[n] = kept(offset + i);
-                    residual[n] = r[offset + i].xyz;
-                    before[n] = earlier(offset + i);
-                }
-            }
-            for (var n = 0u; n < AHEAD; n += 1u) {
-                if n < count {
-                    let own = factors[n];
-                    above = own.d * load[n] - own.g * above;
-                    gamma += dot(residual[n], take(offset + top - n * nodes.y, above, before[n]));
-                }
-            }
+        for (var n = 0u; n < params.nodes_z; n += 1u) {
+            let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;
+            let own = factors_of(i);
+            above = own.d * kept(offset + i) - own.g * above;
+            gamma += dot(r[offset + i].xyz, take(offset + i, above));
         }
     }
     let sum_of_group = group_sum(gamma, thread.lane);

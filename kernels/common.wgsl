@@ -54,7 +54,7 @@ fn has_cell(p: Params, c: vec3<u32>) -> bool {
 
 const PRODUCT_TILE: u32 = 7u; // nodes along a side of product.wgsl's tiles; one thread more computes cells
 
-const PRODUCT_SLAB: u32 = 8u; // levels of nodes of a tile
+const PRODUCT_SLAB: u32 = 4u; // levels of nodes of a tile
 
 // Tiles of the product along x, y and z.
 fn product_tiles(p: Params) -> vec3<u32> {

@@ -12,9 +12,7 @@ fn keep(at: u32, y: vec3<f32>) { z[at] = vec4<f32>(y, 0.0); }
 
 fn kept(at: u32) -> vec3<f32> { return z[at].xyz; }
 
-fn earlier(at: u32) -> array<vec3<f32>, 2> { return array<vec3<f32>, 2>(); }
-
-fn take(at: u32, solution: vec3<f32>, before: array<vec3<f32>, 2>) -> vec3<f32> {
+fn take(at: u32, solution: vec3<f32>) -> vec3<f32> {
     z[at] = vec4<f32>(solution, 0.0);
     return solution;
 }

@@ -9,7 +9,7 @@
 //! nothing. This takes 342 operations per cell (patterns, rotations, blocks) instead of 720, and 72 numbers per layer instead of
 //! 576. (The patterns are the hourglass base vectors of Flanagan, Belytschko 1981, here for the complete matrix of any element.)
 //!
-//! The shader sweeps tiles of 8×8 cell columns upwards through slabs of 8 levels of nodes: corner forces are shared in workgroup memory, and
+//! The shader sweeps tiles of 8×8 cell columns upwards through slabs of 4 levels of nodes: corner forces are shared in workgroup memory, and
 //! the inner 7×7 nodes gather. A level costs a GPU the time of a memory access whatever the grid's size, and slabs run side by side; the
 //! cells between two slabs are computed in both.
 //!
@@ -47,7 +47,7 @@ pub const SOURCE: Source =
 /// Nodes along a side of a workgroup's tile.
 pub const TILE: u32 = 7;
 /// Levels of nodes of a workgroup's tile.
-pub const SLAB: u32 = 8;
+pub const SLAB: u32 = 4;
 
 /// Workgroups of the shader per right-hand side.
 pub fn tiles<R: Real>(params: &Params<R>) -> usize {

@@ -17,15 +17,13 @@ fn keep(at: u32, y: vec3<f32>) { w[at] = vec4<f32>(y, 0.0); }
 
 fn kept(at: u32) -> vec3<f32> { return w[at].xyz; }
 
-// d and z
-fn earlier(at: u32) -> array<vec3<f32>, 2> {
-    if params.fresh == 1u { return array<vec3<f32>, 2>(); }
-    return array<vec3<f32>, 2>(d[at].xyz, z[at].xyz);
-}
-
-fn take(at: u32, solution: vec3<f32>, before: array<vec3<f32>, 2>) -> vec3<f32> {
-    let change = solution * params.gain + before[0] * params.keep;
-    let sum = before[1] + change;
+fn take(at: u32, solution: vec3<f32>) -> vec3<f32> {
+    var change = solution * params.gain;
+    var sum = change;
+    if params.fresh == 0u {
+        change += d[at].xyz * params.keep;
+        sum = z[at].xyz + change;
+    }
     d[at] = vec4<f32>(change, 0.0);
     z[at] = vec4<f32>(sum, 0.0);
     return sum;

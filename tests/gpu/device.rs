@@ -23,6 +23,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("compensated_sums_are_right_to_one_rounding", compensated_sums_are_right_to_one_rounding),
     ("an_unknown_adapter_lists_those_there_are", an_unknown_adapter_lists_those_there_are),
     ("the_device_says_how_long_it_was_busy", the_device_says_how_long_it_was_busy),
+    ("the_device_says_how_long_each_launch_took", the_device_says_how_long_each_launch_took),
 ];
 
 /// 65,535 groups of 64 per dimension is what core WebGPU dispatches; this is more.
@@ -283,4 +284,40 @@ fn the_device_says_how_long_it_was_busy(gpu: &Gpu) -> Result<(), Failure> {
     require(again.is_some_and(|s| s > 0.0), || format!("{again:?} s after too many passes"))?;
     gpu.time_passes(false);
     require(timed(gpu, 4)?.0.is_none(), || "goes on timing".into())
+}
+
+fn the_device_says_how_long_each_launch_took(gpu: &Gpu) -> Result<(), Failure> {
+    let values = gpu.array::<V4<f32>>("source", 64)?;
+    let list = [
+        ("params", &gpu.uniform("params", 16, &[64u32, 0, 0, 0])),
+        ("ids", &gpu.array::<u32>("ids", 64)?),
+        ("source", &values),
+        ("picked", &gpu.array::<V4<f32>>("picked", 64)?),
+    ];
+    let kernel = gpu.bind(&gather::SOURCE, &list)?;
+    let launched = |count: usize| {
+        let mut batch = gpu.batch();
+        (0..count).for_each(|_| batch.run(&kernel, 64, 1));
+        gpu.submit(batch);
+        gpu.launch_times(gpu.batch())
+    };
+    require(launched(3)?.is_none(), || "timed without being asked to".into())?;
+    gpu.time_launches(true);
+    // more than a query set holds
+    for count in [3, 3000] {
+        let Some(times) = launched(count)? else {
+            gpu.time_launches(false);
+            return Ok(()); // an adapter without timestamps says nothing
+        };
+        require(times.len() == count && times.iter().all(|(name, s)| *name == "gather" && *s >= 0.0), || {
+            format!("{} launches of {count}, {:?}", times.len(), times.first())
+        })?;
+        require(times.iter().any(|(_, s)| *s > 0.0), || "no launch took any time".into())?;
+    }
+    // passes are not split, so their number differs
+    gpu.time_passes(true);
+    let times = launched(3)?.ok_or("no timestamps")?;
+    require(times.len() == 1, || format!("{} passes of one", times.len()))?;
+    gpu.time_launches(false);
+    require(launched(3)?.is_none(), || "goes on timing".into())
 }

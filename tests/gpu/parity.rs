@@ -171,7 +171,7 @@ const CASES: &[Case] = cases! {
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
-        "scalars[slot * 2u].w == 0.0" => "true", "dot(residual[n], take" => "dot(above, take"
+        "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, take" => "dot(above, take"
     ]
     prescribe Ids false ["let i = ids[k]" => "let i = k", "- u[i].xyz" => "+ u[i].xyz", "== vec3<f32>(0.0)" => "== vec3<f32>(1.0)"]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
@@ -190,8 +190,8 @@ const CASES: &[Case] = cases! {
     ]
     relax Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "* params.keep" => "* params.gain",
-        "params.fresh == 1u" => "false",
-        "scalars[slot * 2u].w == 0.0" => "true", "before[1] + change" => "change", "- w[at].xyz" => "", "top - n * nodes.y;" => "top;", "nodes_z - 1u - k" => "nodes_z - 1u"
+        "params.fresh == 1u" => "false", "params.fresh == 0u" => "true",
+        "scalars[slot * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
     ]
     residual Nodes false [
         "(elastic - before)" => "elastic", "- w[i].xyz - (" => "- (", "* free[i].xyz" => "", "* 0.5" => "",
@@ -359,7 +359,7 @@ impl Expected {
         }
         if case.source.name == "product" {
             // several tiles and slabs, the last ones smaller
-            all.push(Self::new(case, [8, 9, 17], 2, 0)?);
+            all.push(Self::new(case, [8, 9, 11], 2, 0)?);
         }
         if case.source.name == "bounds" {
             // several tiles, the last ones narrower; and no cells
