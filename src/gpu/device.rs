@@ -560,9 +560,7 @@ impl Batch {
         let groups = (threads as u64).div_ceil(u64::from(kernel.pipeline.shader.workgroup));
         let folds = groups.div_ceil(MAX_GROUPS);
         let (encoder, timing) = (&mut self.encoder, &self.timing);
-        if timing.as_ref().is_some_and(|timing| timing.by_launch) {
-            self.pass = None;
-        }
+        drop(self.pass.take_if(|_| timing.as_ref().is_some_and(|timing| timing.by_launch)));
         let pass = self.pass.get_or_insert_with(|| {
             let timestamp_writes = timing.as_ref().and_then(|timing| timing.of_pass(kernel.pipeline.shader.name));
             let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
