@@ -27,18 +27,21 @@
 //! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, conservative advancement (Mirtich 1996: no step exceeds the
 //! clearance) finds the first t with `|a(t) − p| = R`. Normal and point on the axis are evaluated there, the gap of that plane at the start
 //! of the step. The start of the step, never the end of the motion, decides between inside and outside: a tool that would be through the
-//! skin by then is stopped on the side that it came from. A tool whose axis starts inside the skin is pushed out along the normal of the
-//! nearest surface that looks to where the tool was last outside; the first step of a run and skin without such a surface have the nearest
-//! of all. In skin that is pressed flat the far side is the nearest.
+//! skin by then is stopped on the side that it came from. What is inside has come in through the surface: the way from where a sample was
+//! last outside, carried by the skin since, enters the surface once more than it leaves it. The nearest point alone cannot tell: in skin that
+//! is pressed flat the far side is the nearest, and over a fold of cells that are crushed at an edge all of the air is inside. Nor can that
+//! way alone, where a fold springs back: the nearest point or the way in the world must agree. A tool whose axis starts inside is pushed out
+//! along the normal of the nearest surface that looks to where it came in; the first step of a run has the nearest of all.
 //! Units: m.
 
 use super::features::closest::on_segment;
-use super::{Contact, Patch, Search, frame};
+use super::{Contact, Patch, Search, frame, meets};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{Filter, Round};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Shortest advancement step, radii: largest depth at which the first touch is found. A smaller one takes more steps past near misses.
@@ -73,6 +76,29 @@ struct Touch {
     normal: DVec3,
     axis: DVec3,
     gap: f64,
+}
+
+/// Side of the skin that a sample of a tool's axis was on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Side {
+    /// It was inside.
+    inside: bool,
+    /// Where it was, m.
+    at: DVec3,
+    /// Point of the surface nearest to it; of a sample inside, of the surface that it is pushed out of.
+    nodes: [u32; 3],
+    weights: [f64; 3],
+    /// From there to the sample, m; of a sample inside, just out of the surface.
+    away: DVec3,
+}
+
+impl Side {
+    /// The position outside that it has on the skin as it is now; none where the patch does not reach.
+    fn outside(&self, patch: &Patch, position: &impl Fn(u32) -> DVec3) -> Option<DVec3> {
+        let here = |node: &u32| patch.triangles.iter().any(|triangle| triangle.contains(node));
+        let at: DVec3 = self.nodes.iter().zip(self.weights).map(|(node, weight)| position(*node) * weight).sum();
+        self.nodes.iter().all(here).then_some(at + self.away)
+    }
 }
 
 /// Point of the skin as nodes and weights.
@@ -236,11 +262,15 @@ pub fn contacts(
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &UnconstrainedMotion,
-    side: Option<DVec3>,
-) -> (Vec<Contact>, Option<DVec3>) {
+    last: impl Fn(usize) -> Option<Side>,
+) -> (Vec<Contact>, Vec<(usize, Side)>) {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let Near { points: mut nearest, out, side } = nearest_points(tool, patch, &sweep, reach, side);
+    let was = |sample: usize| {
+        let last = last(sample)?;
+        Some((last, last.outside(patch, position)?))
+    };
+    let Near { points: mut nearest, out, sides } = nearest_points(tool, patch, &sweep, reach, was);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, MaterialPoint::of(nodes, weights), point);
@@ -252,7 +282,7 @@ pub fn contacts(
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
         let found = deepest.map(|(index, on_skin, touch, _)| made(*index, *on_skin, touch)).into_iter().collect();
-        return (found, side);
+        return (found, sides);
     }
     let curvature = curvatures(faces, position);
     if out.is_none() {
@@ -280,7 +310,7 @@ pub fn contacts(
             taken.push(*nearest);
         }
     }
-    (found, side)
+    (found, sides)
 }
 
 /// Skin near a tool's axis.
@@ -289,42 +319,73 @@ struct Near {
     points: Vec<Nearest>,
     /// If a sample starts inside the skin, the way out: the normal at the point nearest to the deepest one.
     out: Option<DVec3>,
-    /// Side of the skin that the tool is on: the normal at the point nearest to the axis at the start; none away from the skin.
-    side: Option<DVec3>,
+    /// Sides that the samples are on, by their numbers; none away from the skin.
+    sides: Vec<(usize, Side)>,
 }
 
-/// `side` is that of the last step.
-fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, side: Option<DVec3>) -> Near {
-    let mut found = vec![];
+/// `was` gives a sample's last side, and its position outside on the skin as it is now.
+fn nearest_points(
+    tool: &Instrument,
+    patch: &Patch,
+    sweep: &Sweep,
+    reach: f64,
+    was: impl Fn(usize) -> Option<(Side, DVec3)>,
+) -> Near {
+    let (mut found, mut sides) = (vec![], vec![]);
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
-        let start = patch.project_from(axis, side);
+        let start = patch.project_from(axis, was(index));
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
             let (triangle, weights, distance, normal) =
-                if t == 0.0 { start } else { patch.project(axis + sweep.translation * t) };
+                if t == 0.0 { start } else { patch.project_outside(axis + sweep.translation * t) };
             (distance - sweep.radius, (triangle, weights, normal))
         });
         if clear >= reach {
             continue;
         }
-        let outside = start.2;
-        if deepest.is_none_or(|(depth, _)| outside < depth) {
-            deepest = Some((outside, start.3));
+        let (at, weights_at, distance, out) = start;
+        let inside = distance < 0.0;
+        let away = if inside { out * (SAME * sweep.radius) } else { axis - patch.position(at, weights_at) };
+        sides.push((index, Side { inside, at: axis, nodes: patch.triangles[at], weights: weights_at, away }));
+        if deepest.is_none_or(|(depth, _)| distance < depth) {
+            deepest = Some((distance, out));
         }
         let nearest = patch.position(triangle, weights);
         let gap = normal.dot(axis - nearest) - sweep.radius;
-        let gap = if outside >= sweep.radius { gap.max(0.0) } else { gap };
+        let gap = if distance >= sweep.radius { gap.max(0.0) } else { gap };
         found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, nearest));
     }
-    let out = deepest.filter(|(outside, _)| *outside < 0.0).map(|(_, normal)| normal);
-    Near { points: found, out, side: deepest.map(|(_, normal)| normal) }
+    let out = deepest.filter(|(distance, _)| *distance < 0.0).map(|(_, normal)| normal);
+    Near { points: found, out, sides }
 }
 
+/// Projection on the surface: triangle, weights, signed distance (negative inside), outward unit normal.
+type Projection = (usize, [f64; 3], f64, DVec3);
+
 impl Patch {
-    /// As [`Patch::project`]. A point inside belongs to the surface that looks to `side`, if there is one.
-    fn project_from(&self, point: DVec3, side: Option<DVec3>) -> (usize, [f64; 3], f64, DVec3) {
+    /// As [`Patch::project`], of a point that is outside.
+    fn project_outside(&self, point: DVec3) -> Projection {
+        let (triangle, weights, distance, normal) = self.project(point);
+        match distance < 0.0 {
+            true => (triangle, weights, -distance, -normal),
+            false => (triangle, weights, distance, normal),
+        }
+    }
+
+    /// As [`Patch::project`], of a point by the side that it was on, and its position outside on the skin as it is now.
+    fn project_from(&self, point: DVec3, was: Option<(Side, DVec3)>) -> Projection {
         let nearest = self.project(point);
-        let Some(side) = side.filter(|side| nearest.2 < 0.0 && nearest.3.dot(*side) < FACING) else { return nearest };
+        let Some((last, outside)) = was else { return nearest };
+        // relative to the skin it has entered; relative to where the skin is now too, or the nearest surface says so as well
+        let entered = self.entered(outside, point) > 0;
+        if !entered || !(last.inside || nearest.2 < 0.0 || self.entered(last.at, point) > 0) {
+            return self.project_outside(point);
+        }
+        let side = last.away.normalize_or_zero();
+        if nearest.2 < 0.0 && nearest.3.dot(side) > FACING {
+            return nearest;
+        }
+        // out of the nearest surface that looks to where it came from
         let facing = |triangle: usize| {
             let normal = self.face_normal(triangle);
             let weights = self.nearest_on(triangle, point);
@@ -339,10 +400,20 @@ impl Patch {
         };
         let found = (0..self.corners.len()).filter_map(facing).min_by(farther);
         found.map_or(nearest, |(triangle, weights, away, normal)| {
-            let sign = if away.dot(normal) < 0.0 { -1.0 } else { 1.0 };
-            let out = (away * sign).try_normalize().unwrap_or(normal);
-            (triangle, weights, sign * away.length(), out)
+            let out = (-away).try_normalize().filter(|out| out.dot(normal) > 0.0).unwrap_or(normal);
+            (triangle, weights, -away.length(), out)
         })
+    }
+
+    /// How often a way enters the surface, less how often it leaves.
+    fn entered(&self, from: DVec3, to: DVec3) -> i32 {
+        let way = to - from;
+        let enters = |triangle: u32| {
+            let (_, at) = meets(&self.corners[triangle as usize], from, way)?;
+            let against = self.face_normal(triangle as usize).dot(way) < 0.0;
+            (0.0..=1.0).contains(&at).then_some(if against { 1 } else { -1 })
+        };
+        self.near(from.min(to), from.max(to)).into_iter().filter_map(enters).sum()
     }
 }
 

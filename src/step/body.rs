@@ -57,8 +57,8 @@ pub struct Body {
     pub(super) accelerations: BTreeMap<u32, [f64; 3]>,
     /// Displacements of the nodes that follower pressures act on, at the start of the step, m.
     pub(super) pressed: BTreeMap<u32, [f64; 3]>,
-    /// Factor on the scene's column tolerance for this body.
-    pub(super) tolerance_factor: f64,
+    /// Its constraints leave a rigid-body mode free.
+    pub(super) floats: bool,
     /// `[loose piece]` sum of its loads, N.
     loose_loads: Vec<DVec3>,
     /// `[loose piece]` sum of the contact forces that the initial guess of the correction has, N.
@@ -202,10 +202,8 @@ impl Body {
         };
         // a floating body falls, and its columns take a tighter tolerance
         let part = scene.time.part();
-        let (fall, tolerance_factor) = match floats(&model) {
-            true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), FLOATING_FACTOR),
-            false => (0.0, 1.0),
-        };
+        let floats = floats(&model);
+        let fall = if floats { DVec3::from_array(scene.time.gravity).length() * part.powi(2) } else { 0.0 };
         let wound = Wound::new(&model);
         Ok(Self {
             boxes: Boxes::new(&wound.surface),
@@ -222,7 +220,7 @@ impl Body {
             loaded: false,
             accelerations: BTreeMap::new(),
             pressed: BTreeMap::new(),
-            tolerance_factor,
+            floats,
             loose_loads: vec![],
             pushed: vec![],
             near: needs.near,

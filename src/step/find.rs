@@ -2,7 +2,8 @@
 
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
-use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
+use crate::collide::round::{self, Side};
+use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
@@ -17,8 +18,8 @@ const LIPS: usize = 4;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
 
-/// Side of a deformable body that a round tool is on, by their numbers: a unit vector.
-pub(super) type Sides = BTreeMap<(usize, usize), DVec3>;
+/// Sides of deformable bodies that the samples of round tools' axes were on, by tool, body and sample.
+pub(super) type Sides = BTreeMap<(usize, usize, usize), Side>;
 
 /// One node of an attachment: constraint rows that hold from the first step on.
 #[derive(Clone, Debug)]
@@ -235,10 +236,10 @@ impl Simulation {
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
                 found.extend(match (&tool.round, &tool.lines) {
                     (Some(round), _) => {
-                        let side = self.sides.get(&(k, number)).copied();
-                        let (found, side) =
-                            round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], side);
-                        sides.extend(side.map(|side| ((k, number), side)));
+                        let last = |sample| self.sides.get(&(k, number, sample)).copied();
+                        let (found, of_samples) =
+                            round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], last);
+                        sides.extend(of_samples.into_iter().map(|(sample, side)| ((k, number, sample), side)));
                         found
                     }
                     (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k]),

@@ -243,7 +243,7 @@ fn a_damaged_checkpoint_is_refused() -> Outcome {
     for at in [28, 36, whole.len() / 3, whole.len() - 1] {
         with(&changed(at), "is damaged")?;
     }
-    with(&changed(16), "is of a newer program (format 26; this one reads 10)")?;
+    with(&changed(16), "is of a newer program (format 27; this one reads 11)")?;
     let mut older = whole.clone();
     older[16] = 0;
     with(&older, "is of an older program (format 0; this one reads 10)")?;

@@ -1,7 +1,7 @@
 //! Pieces that cuts have set free fall as they should, however small.
 
 use crate::falls::{CORNERS, GRAVITY, block, fall, parted};
-use cutis::scene::{BodyId, Contact, Element, Law, Material, Plane, Preconditioner};
+use cutis::scene::{Attachment, BodyId, Contact, Element, Law, Material, Plane, Preconditioner, Region};
 use cutis::step::Platform;
 use glam::DVec3;
 
@@ -59,4 +59,28 @@ fn a_small_piece_rests_on_a_wall() {
     assert!(speed < 2e-3 && (top - 5e-3).abs() < 1e-5, "{speed} m/s, {top} m");
     // columns as loose as those of what is held take 11 passes a step
     assert!(passes < 24 * 5, "{passes} passes");
+}
+
+/// A piece that is tied to its place hangs there: the tie bears its weight, and nothing throws it.
+#[test]
+fn a_small_piece_hangs_by_an_attachment() {
+    for tolerance in [1e-1, 1e-3] {
+        let mut scene = block(Preconditioner::Multigrid, tolerance);
+        // its end face
+        let low = [5.9e-3, -3e-3, 0.0];
+        let region = Region::Box { min: low, max: [6.1e-3, 3e-3, 5e-3] };
+        scene.attachments = vec![Attachment { body: 0, region, to: BodyId::World, slide: None }];
+        scene.contact = Some(Contact::default());
+        let (mut simulation, nodes) = parted(scene, &Platform::Cpu64, CORNERS[1]);
+        let weight: f64 = nodes.iter().map(|n| simulation.bodies[0].wound.free[*n][3]).sum::<f64>() * GRAVITY;
+        let mut borne = 0.0;
+        for _ in 0..60 {
+            let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+            borne = report.contact.force(BodyId::World, Some(BodyId::Deformable(0))).z;
+        }
+        let state = simulation.snapshots().unwrap_or_else(|e| panic!("{e}")).remove(0);
+        let speed = nodes.iter().map(|n| DVec3::from_slice(&state.v[*n]).length()).fold(0.0, f64::max);
+        println!("{tolerance:e}: {} of the weight, {speed} m/s", borne / weight);
+        assert!((borne / weight - 1.0).abs() < 0.02 && speed < 2e-3, "{borne} of {weight} N, {speed} m/s");
+    }
 }

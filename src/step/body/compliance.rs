@@ -42,7 +42,8 @@ const KEPT: u32 = 20;
 const AROUND: usize = 100;
 
 /// Most iterations of a batch, relative to the easiest one. A node of a crumb that hangs on by an edge takes hundreds (1.6 s of a step),
-/// and its compliance need not be that accurate: passes use the true violations.
+/// and its compliance need not be that accurate: passes use the true violations. Nodes of loose pieces have no such bound: their columns are
+/// worth nothing before the piece moves as a whole, and a piece that is tied to its place was thrown by metres.
 const BEYOND: u32 = 3;
 
 /// Least compliance of a node among others that are held, as a share of its own. With 0.01, sheets of ν 0.45 that are tied at 25 nodes use up their
@@ -62,14 +63,21 @@ pub struct Places<'a> {
     pub rest: &'a [[f64; 3]],
     /// Number of nodes that are no duplicates.
     pub originals: usize,
+    /// The whole body floats.
+    pub floats: bool,
     /// Pieces that nothing holds.
     pub loose: &'a [Loose],
 }
 
 impl<'a> Places<'a> {
     /// Of a body.
-    pub fn of(model: &Model, wound: &'a Wound) -> Self {
-        Self { rest: &wound.rest, originals: model.rest.len(), loose: &wound.loose }
+    pub fn of(model: &Model, wound: &'a Wound, floats: bool) -> Self {
+        Self { rest: &wound.rest, originals: model.rest.len(), floats, loose: &wound.loose }
+    }
+
+    /// Whether a node belongs to a loose piece.
+    fn loose(&self, node: u32) -> bool {
+        self.loose.iter().any(|piece| piece.nodes.binary_search(&node).is_ok())
     }
 }
 
@@ -157,10 +165,13 @@ impl Compliance {
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
         let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-        let floats = |node: u32| places.loose.iter().any(|piece| piece.nodes.binary_search(&node).is_ok());
-        let of_column = |slot: usize| if floats(node(slot)) { FLOATING_FACTOR * tolerance } else { tolerance };
+        let of_column = |slot: usize| {
+            let loose = places.loose(node(slot));
+            let tolerance = if loose || places.floats { FLOATING_FACTOR * tolerance } else { tolerance };
+            Target::Loose(tolerance, if loose { u32::MAX } else { budget })
+        };
         let wanted: Vec<SolveRequest> =
-            slots.iter().map(|s| SolveRequest { slot: *s, target: Target::Loose(of_column(*s), budget) }).collect();
+            slots.iter().map(|slot| SolveRequest { slot: *slot, target: of_column(*slot) }).collect();
         let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
         // solve from zero, reading every known node
         backend.reset_initial_guess(&slots)?;
@@ -404,12 +415,16 @@ impl Body {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
-                let tolerance = law.column_tolerance * self.tolerance_factor;
-                let places = Places::of(&self.model, &self.wound);
-                self.compliance.prepare(backend, (nodes, places), (tolerance, all), self.near, report)?;
+                let places = Places::of(&self.model, &self.wound, self.floats);
+                self.compliance.prepare(backend, (nodes, places), (law.column_tolerance, all), self.near, report)?;
             }
             Correction::Precomputed => {
-                self.at_rest.prepare(&self.model, (nodes, Places::of(&self.model, &self.wound)), self.near, report)?;
+                self.at_rest.prepare(
+                    &self.model,
+                    (nodes, Places::of(&self.model, &self.wound, false)),
+                    self.near,
+                    report,
+                )?;
             }
             Correction::Uncoupled => {
                 let blocks = self.backend.node_blocks(nodes)?;

@@ -255,8 +255,8 @@ impl Simulation {
         let mut renewed = false;
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
-            let tolerance = problem.law.column_tolerance * body.tolerance_factor;
-            let places = Places::of(&body.model, &body.wound);
+            let tolerance = problem.law.column_tolerance;
+            let places = Places::of(&body.model, &body.wound, body.floats);
             renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, tolerance, report)?;
         }
         if renewed {
