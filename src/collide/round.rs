@@ -31,7 +31,7 @@
 //! last outside, carried by the skin since, enters the surface once more than it leaves it. The nearest point alone cannot tell: in skin that
 //! is pressed flat the far side is the nearest, and over a fold of cells that are crushed at an edge all of the air is inside. Nor can that
 //! way alone, where a fold springs back: the nearest point or the way in the world must agree. A tool whose axis starts inside is pushed out
-//! along the normal of the nearest surface that looks to where it came in; the first step of a run has the nearest of all.
+//! along the normal of the nearest surface that looks to where it came in; the first step of a run has the nearest surface alone.
 //! Units: m.
 
 use super::features::closest::on_segment;
@@ -90,6 +90,19 @@ pub struct Side {
     weights: [f64; 3],
     /// From there to the sample, m; of a sample inside, just out of the surface.
     away: DVec3,
+}
+
+/// Sides of deformable bodies that the samples of round tools' axes were on, by tool, body and sample; none of samples away from the skin.
+pub type Sides = BTreeMap<(usize, usize, usize), Side>;
+
+/// Where a sample of a tool's axis was in the last step.
+enum Was {
+    /// There was none.
+    Unknown,
+    /// Beyond the reach of the skin.
+    Away,
+    /// On this side, with its position outside on the skin as it is now.
+    Near(Side, Option<DVec3>),
 }
 
 impl Side {
@@ -262,13 +275,15 @@ pub fn contacts(
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &UnconstrainedMotion,
-    last: impl Fn(usize) -> Option<Side>,
+    last: Option<&Sides>,
 ) -> (Vec<Contact>, Vec<(usize, Side)>) {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let was = |sample: usize| {
-        let last = last(sample)?;
-        Some((last, last.outside(patch, position)?))
+    let was = |sample: usize| match last {
+        None => Was::Unknown,
+        Some(sides) => {
+            sides.get(&(number, body, sample)).map_or(Was::Away, |side| Was::Near(*side, side.outside(patch, position)))
+        }
     };
     let Near { points: mut nearest, out, sides } = nearest_points(tool, patch, &sweep, reach, was);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
@@ -323,14 +338,7 @@ struct Near {
     sides: Vec<(usize, Side)>,
 }
 
-/// `was` gives a sample's last side, and its position outside on the skin as it is now.
-fn nearest_points(
-    tool: &Instrument,
-    patch: &Patch,
-    sweep: &Sweep,
-    reach: f64,
-    was: impl Fn(usize) -> Option<(Side, DVec3)>,
-) -> Near {
+fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, was: impl Fn(usize) -> Was) -> Near {
     let (mut found, mut sides) = (vec![], vec![]);
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
@@ -372,13 +380,18 @@ impl Patch {
         }
     }
 
-    /// As [`Patch::project`], of a point by the side that it was on, and its position outside on the skin as it is now.
-    fn project_from(&self, point: DVec3, was: Option<(Side, DVec3)>) -> Projection {
+    /// As [`Patch::project`], of a point by where it was.
+    fn project_from(&self, point: DVec3, was: Was) -> Projection {
         let nearest = self.project(point);
-        let Some((last, outside)) = was else { return nearest };
+        let (last, outside) = match was {
+            Was::Unknown => return nearest,
+            Was::Away => return self.project_outside(point),
+            Was::Near(last, outside) => (last, outside),
+        };
         // relative to the skin it has entered; relative to where the skin is now too, or the nearest surface says so as well
-        let entered = self.entered(outside, point) > 0;
-        if !entered || !(last.inside || nearest.2 < 0.0 || self.entered(last.at, point) > 0) {
+        let enters = |from: DVec3| self.entered(from, point) > 0;
+        let agrees = || last.inside || nearest.2 < 0.0 || enters(last.at);
+        if !outside.map_or_else(|| last.inside && nearest.2 < 0.0, |outside| enters(outside) && agrees()) {
             return self.project_outside(point);
         }
         let side = last.away.normalize_or_zero();

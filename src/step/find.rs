@@ -2,14 +2,14 @@
 
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
-use crate::collide::round::{self, Side};
+use crate::collide::round::{self, Sides};
 use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{self, Attachment, BodyId, Integrator, Scene, attach_of};
 use glam::DVec3;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
@@ -17,9 +17,6 @@ const SAME: f64 = 1e-3;
 const LIPS: usize = 4;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
-
-/// Sides of deformable bodies that the samples of round tools' axes were on, by tool, body and sample.
-pub(super) type Sides = BTreeMap<(usize, usize, usize), Side>;
 
 /// One node of an attachment: constraint rows that hold from the first step on.
 #[derive(Clone, Debug)]
@@ -236,7 +233,7 @@ impl Simulation {
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
                 found.extend(match (&tool.round, &tool.lines) {
                     (Some(round), _) => {
-                        let last = |sample| self.sides.get(&(k, number, sample)).copied();
+                        let last = (self.step_number > 1).then_some(&self.sides);
                         let (found, of_samples) =
                             round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], last);
                         sides.extend(of_samples.into_iter().map(|(sample, side)| ((k, number, sample), side)));

@@ -5,9 +5,10 @@
 //! although they could be solved for: their age decides how many passes a step takes.
 
 use super::body::{Body, Compliance, Cut, Known, first_motion};
-use super::{Booked, Measured, Refused, Simulation, find, incise};
+use super::{Booked, Measured, Refused, Simulation, incise};
 use crate::backend::{FREE, Vector};
 use crate::bodies::rigid::Motion;
+use crate::collide::round;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::math::V4;
@@ -28,7 +29,7 @@ pub struct State {
     postponed: incise::Postponed,
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
-    sides: find::Sides,
+    sides: round::Sides,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     booked: Booked,
     least: Option<Measured>,
