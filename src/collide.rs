@@ -18,6 +18,7 @@ pub mod broad;
 pub mod features;
 pub mod lips;
 pub mod round;
+pub mod sides;
 mod spread;
 
 use crate::bodies::rigid::{Edge, Flat, Instrument, Role};

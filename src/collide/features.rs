@@ -21,6 +21,7 @@
 pub mod closest;
 pub mod cones;
 
+use super::sides::{Last, Projection, Side};
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::constraints::Law;
@@ -47,6 +48,8 @@ struct Piece {
     ends: [DVec3; 2],
     motion: [DVec3; 2],
     point: bool,
+    /// Number of the tool's point at its first end.
+    first: usize,
     cone: Cone,
 }
 
@@ -87,17 +90,20 @@ struct PairSearch<'a> {
     search: &'a Search,
     radius: f64,
     touch: f64,
+    /// `[point of the tool]` its projection, by the side that it was on.
+    points: Vec<Projection>,
 }
 
-/// Contacts of one tool with a patch.
+/// Contacts of one tool with a patch, and the sides that its points are on.
 pub fn contacts(
     tool: (usize, &Instrument),
     lines: &Lines,
     skin: (usize, &Patch),
     search: &Search,
     free: &UnconstrainedMotion,
-) -> Vec<Contact> {
-    contacts_among(tool, lines, skin, search, free, &|low, high| skin.1.near(low, high))
+    last: &Last,
+) -> (Vec<Contact>, Vec<(usize, Side)>) {
+    contacts_among(tool, lines, skin, search, free, last, &|low, high| skin.1.near(low, high))
 }
 
 /// The same with another search for the triangles that meet a box.
@@ -107,19 +113,31 @@ pub fn contacts_among(
     (body, patch): (usize, &Patch),
     search: &Search,
     free: &UnconstrainedMotion,
+    last: &Last,
     near: &dyn Fn(DVec3, DVec3) -> Vec<u32>,
-) -> Vec<Contact> {
+) -> (Vec<Contact>, Vec<(usize, Side)>) {
     let touch = TOUCH * search.alarm;
-    let pairs = PairSearch { patch, features: Features::new(patch), search, radius: lines.radius, touch };
+    let pieces = pieces(tool, lines, free);
+    // sides of the points
+    let of_points = pieces.iter().filter(|piece| piece.point).enumerate();
+    let points: Vec<Projection> =
+        of_points.clone().map(|(index, piece)| last.project(patch, index, piece.ends[0])).collect();
+    let reach = |piece: &Piece| search.alarm + search.distance + lines.radius + 2.0 * touch + piece.travel();
+    let sides = of_points
+        .filter(|(index, piece)| points[*index].2 < reach(piece))
+        .map(|(index, piece)| (index, Side::of(patch, piece.ends[0], points[index])))
+        .collect();
+    let pairs = PairSearch { patch, features: Features::new(patch), search, radius: lines.radius, touch, points };
     let mut kept: Vec<(usize, Pair)> = vec![];
     // pairs of every point and segment, from the triangles around its motion
-    for (index, piece) in pieces(tool, lines, free).iter().enumerate() {
+    for (index, piece) in pieces.iter().enumerate() {
         let margin = DVec3::splat(search.alarm + search.distance + lines.radius + 2.0 * touch);
         let corners = [piece.at(0.0), piece.at(1.0)].concat();
         let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - margin;
         let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + margin;
         let triangles = near(low, high);
-        let found = if piece.point { pairs.point(piece, &triangles) } else { pairs.segment(piece, &triangles) };
+        let found =
+            if piece.point { pairs.point((index, piece), &triangles) } else { pairs.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
     kept.sort_by_key(|(_, pair)| !pair.frictional); // of two pairs at one point the one with friction is kept
@@ -146,33 +164,41 @@ pub fn contacts_among(
         };
         out.push((contact, pair.on_skin));
     }
-    out.into_iter().map(|(contact, _)| contact).collect()
+    (out.into_iter().map(|(contact, _)| contact).collect(), sides)
 }
 
 /// Points, then segments, with their motion.
 fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
     let positions: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
     let motion = |p: DVec3| free.translation + free.rotation.cross(p - tool.position);
-    let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, motion: ends.map(motion), point, cone };
+    let piece = |ends: [DVec3; 2], point: bool, first: usize, cone: Cone| Piece {
+        ends,
+        motion: ends.map(motion),
+        point,
+        first,
+        cone,
+    };
     let mut cones = vec![Cone::default(); positions.len()];
     for [a, b] in lines.segments.iter().map(|ends| ends.map(|id| id as usize)) {
         let along = (positions[b] - positions[a]).normalize_or_zero();
         cones[a].outward.push(-along);
         cones[b].outward.push(along);
     }
-    let points = positions.iter().zip(cones).map(|(position, cone)| piece([*position; 2], true, cone));
-    let segments = lines.segments.iter().map(|s| piece(s.map(|id| positions[id as usize]), false, Cone::default()));
+    let points =
+        positions.iter().zip(cones).enumerate().map(|(k, (position, cone))| piece([*position; 2], true, k, cone));
+    let segment = |s: &[u32; 2]| piece(s.map(|id| positions[id as usize]), false, s[0] as usize, Cone::default());
+    let segments = lines.segments.iter().map(segment);
     points.chain(segments).collect()
 }
 
 impl PairSearch<'_> {
     /// Pairs of a tool's point: what it rests on and other local minima; if inside, the way out.
-    fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
-        let p = piece.ends[0];
+    fn point(&self, (index, piece): (usize, &Piece), triangles: &[u32]) -> Vec<Pair> {
+        let (p, projection) = (piece.ends[0], self.points[index]);
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let rests = features().find_map(|feature| self.rests(piece, feature));
-        let mut found: Vec<Pair> = match rests.is_none() && self.patch.project(p).2 < 0.0 {
-            true => self.push_out(p, 0.0).into_iter().collect(),
+        let mut found: Vec<Pair> = match rests.is_none() && projection.2 < 0.0 {
+            true => self.push_out(p, 0.0, projection).into_iter().collect(),
             false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
         };
         let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.motion[0])).collect();
@@ -240,22 +266,30 @@ impl PairSearch<'_> {
                 // a stretch that reaches an end of the segment is held at that end, a point of its own
                 let middle = 0.5 * (start + u);
                 if !found.iter().any(|pair| (start..=u).contains(&pair.u)) {
-                    let inside = self.patch.project(piece.point_at(middle)).2 < 0.0;
-                    found.extend(self.push_out(piece.point_at(middle), middle).filter(|_| inside));
+                    let inside = self.inside(piece, middle);
+                    found.extend(inside.and_then(|at| self.push_out(piece.point_at(middle), middle, at)));
                 }
             }
         }
         found
     }
 
-    /// Pair of a tool point that is inside or touches with the nearest point of the skin; the normal leads out.
-    fn push_out(&self, p: DVec3, u: f64) -> Option<Pair> {
-        let (triangle, _, distance, _) = self.patch.project(p);
+    /// Projection of a point of a segment that is inside: the way there from its first end has entered the skin, and the nearest surface
+    /// says so too.
+    fn inside(&self, piece: &Piece, u: f64) -> Option<Projection> {
+        let at = self.patch.project(piece.point_at(u));
+        let before = i32::from(self.points[piece.first].2 < 0.0);
+        (at.2 < 0.0 && before + self.patch.entered(piece.ends[0], piece.point_at(u)) > 0).then_some(at)
+    }
+
+    /// Pair of a tool point that is inside or touches with the skin's point of its projection; the normal leads out.
+    fn push_out(&self, p: DVec3, u: f64, (triangle, _, distance, out): Projection) -> Option<Pair> {
         let weights = closest::on_triangle(p, self.patch.corners[triangle]);
         let on_skin = self.patch.position(triangle, weights);
         let away = (p - on_skin) * distance.signum();
         let normal = match away.length() > self.touch {
-            true => away.normalize(),
+            true if away.dot(out) > 0.0 => away.normalize(),
+            true => out,
             false => self.features.holding(triangle, weights).cone.normal,
         };
         let surface_point = (self.patch.triangles[triangle], weights);
@@ -294,10 +328,13 @@ impl PairSearch<'_> {
 
     /// Pair of a segment with an edge or vertex above it, if the segment's point is inside the skin.
     fn mirrored(&self, piece: &Piece, feature: &Feature, near: &Near) -> Option<Pair> {
-        let depth = -self.patch.project(piece.point_at(near.u)).2;
         let normal = -near.away.normalize();
         let reach = self.search.alarm + self.search.distance + self.radius;
-        let nearest = near.strict && depth > 0.0 && near.away.length() <= reach.min(DEEPER * depth);
+        if !near.strict || near.away.length() > reach {
+            return None;
+        }
+        let depth = -self.inside(piece, near.u)?.2;
+        let nearest = near.away.length() <= DEEPER * depth;
         let admitted = self.search.filter == Filter::Points || feature.cone.admits(normal, self.search.angle_cone);
         (nearest && admitted).then(|| self.pair(piece, feature, near, normal))
     }

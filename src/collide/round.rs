@@ -27,21 +27,17 @@
 //! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, conservative advancement (Mirtich 1996: no step exceeds the
 //! clearance) finds the first t with `|a(t) − p| = R`. Normal and point on the axis are evaluated there, the gap of that plane at the start
 //! of the step. The start of the step, never the end of the motion, decides between inside and outside: a tool that would be through the
-//! skin by then is stopped on the side that it came from. What is inside has come in through the surface: the way from where a sample was
-//! last outside, carried by the skin since, enters the surface once more than it leaves it. The nearest point alone cannot tell: in skin that
-//! is pressed flat the far side is the nearest, and over a fold of cells that are crushed at an edge all of the air is inside. Nor can that
-//! way alone, where a fold springs back: the nearest point or the way in the world must agree. A tool whose axis starts inside is pushed out
-//! along the normal of the nearest surface that looks to where it came in; the first step of a run has the nearest surface alone.
+//! skin by then is stopped on the side that it came from ([`super::sides`]). A tool whose axis starts inside is pushed out.
 //! Units: m.
 
 use super::features::closest::on_segment;
-use super::{Contact, Patch, Search, frame, meets};
+use super::sides::{Last, Side};
+use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{Filter, Round};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Shortest advancement step, radii: largest depth at which the first touch is found. A smaller one takes more steps past near misses.
@@ -76,42 +72,6 @@ struct Touch {
     normal: DVec3,
     axis: DVec3,
     gap: f64,
-}
-
-/// Side of the skin that a sample of a tool's axis was on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Side {
-    /// It was inside.
-    inside: bool,
-    /// Where it was, m.
-    at: DVec3,
-    /// Point of the surface nearest to it; of a sample inside, of the surface that it is pushed out of.
-    nodes: [u32; 3],
-    weights: [f64; 3],
-    /// From there to the sample, m; of a sample inside, just out of the surface.
-    away: DVec3,
-}
-
-/// Sides of deformable bodies that the samples of round tools' axes were on, by tool, body and sample; none of samples away from the skin.
-pub type Sides = BTreeMap<(usize, usize, usize), Side>;
-
-/// Where a sample of a tool's axis was in the last step.
-enum Was {
-    /// There was none.
-    Unknown,
-    /// Beyond the reach of the skin.
-    Away,
-    /// On this side, with its position outside on the skin as it is now.
-    Near(Side, Option<DVec3>),
-}
-
-impl Side {
-    /// The position outside that it has on the skin as it is now; none where the patch does not reach.
-    fn outside(&self, patch: &Patch, position: &impl Fn(u32) -> DVec3) -> Option<DVec3> {
-        let here = |node: &u32| patch.triangles.iter().any(|triangle| triangle.contains(node));
-        let at: DVec3 = self.nodes.iter().zip(self.weights).map(|(node, weight)| position(*node) * weight).sum();
-        self.nodes.iter().all(here).then_some(at + self.away)
-    }
 }
 
 /// Point of the skin as nodes and weights.
@@ -275,17 +235,11 @@ pub fn contacts(
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &UnconstrainedMotion,
-    last: Option<&Sides>,
+    last: &Last,
 ) -> (Vec<Contact>, Vec<(usize, Side)>) {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let was = |sample: usize| match last {
-        None => Was::Unknown,
-        Some(sides) => {
-            sides.get(&(number, body, sample)).map_or(Was::Away, |side| Was::Near(*side, side.outside(patch, position)))
-        }
-    };
-    let Near { points: mut nearest, out, sides } = nearest_points(tool, patch, &sweep, reach, was);
+    let Near { points: mut nearest, out, sides } = nearest_points(tool, patch, &sweep, reach, last);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, MaterialPoint::of(nodes, weights), point);
@@ -338,11 +292,11 @@ struct Near {
     sides: Vec<(usize, Side)>,
 }
 
-fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, was: impl Fn(usize) -> Was) -> Near {
+fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, last: &Last) -> Near {
     let (mut found, mut sides) = (vec![], vec![]);
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
-        let start = patch.project_from(axis, was(index));
+        let start = last.project(patch, index, axis);
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
             let (triangle, weights, distance, normal) =
                 if t == 0.0 { start } else { patch.project_outside(axis + sweep.translation * t) };
@@ -351,10 +305,8 @@ fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, w
         if clear >= reach {
             continue;
         }
-        let (at, weights_at, distance, out) = start;
-        let inside = distance < 0.0;
-        let away = if inside { out * (SAME * sweep.radius) } else { axis - patch.position(at, weights_at) };
-        sides.push((index, Side { inside, at: axis, nodes: patch.triangles[at], weights: weights_at, away }));
+        let (_, _, distance, out) = start;
+        sides.push((index, Side::of(patch, axis, start)));
         if deepest.is_none_or(|(depth, _)| distance < depth) {
             deepest = Some((distance, out));
         }
@@ -365,69 +317,6 @@ fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, w
     }
     let out = deepest.filter(|(distance, _)| *distance < 0.0).map(|(_, normal)| normal);
     Near { points: found, out, sides }
-}
-
-/// Projection on the surface: triangle, weights, signed distance (negative inside), outward unit normal.
-type Projection = (usize, [f64; 3], f64, DVec3);
-
-impl Patch {
-    /// As [`Patch::project`], of a point that is outside.
-    fn project_outside(&self, point: DVec3) -> Projection {
-        let (triangle, weights, distance, normal) = self.project(point);
-        match distance < 0.0 {
-            true => (triangle, weights, -distance, -normal),
-            false => (triangle, weights, distance, normal),
-        }
-    }
-
-    /// As [`Patch::project`], of a point by where it was.
-    fn project_from(&self, point: DVec3, was: Was) -> Projection {
-        let nearest = self.project(point);
-        let (last, outside) = match was {
-            Was::Unknown => return nearest,
-            Was::Away => return self.project_outside(point),
-            Was::Near(last, outside) => (last, outside),
-        };
-        // relative to the skin it has entered; relative to where the skin is now too, or the nearest surface says so as well
-        let enters = |from: DVec3| self.entered(from, point) > 0;
-        let agrees = || last.inside || nearest.2 < 0.0 || enters(last.at);
-        if !outside.map_or_else(|| last.inside && nearest.2 < 0.0, |outside| enters(outside) && agrees()) {
-            return self.project_outside(point);
-        }
-        let side = last.away.normalize_or_zero();
-        if nearest.2 < 0.0 && nearest.3.dot(side) > FACING {
-            return nearest;
-        }
-        // out of the nearest surface that looks to where it came from
-        let facing = |triangle: usize| {
-            let normal = self.face_normal(triangle);
-            let weights = self.nearest_on(triangle, point);
-            let away = point - self.position(triangle, weights);
-            (normal.dot(side) > FACING).then_some((triangle, weights, away, normal))
-        };
-        // of triangles that meet in the nearest point, the one that looks there most
-        let farther = |a: &(usize, [f64; 3], DVec3, DVec3), b: &(usize, [f64; 3], DVec3, DVec3)| {
-            let [(first, up), (second, other)] =
-                [a, b].map(|(.., away, normal)| (away.length(), away.dot(*normal).abs()));
-            first.total_cmp(&second).then(other.total_cmp(&up))
-        };
-        let found = (0..self.corners.len()).filter_map(facing).min_by(farther);
-        found.map_or(nearest, |(triangle, weights, away, normal)| {
-            let out = (-away).try_normalize().filter(|out| out.dot(normal) > 0.0).unwrap_or(normal);
-            (triangle, weights, -away.length(), out)
-        })
-    }
-
-    /// How often a way enters the surface, less how often it leaves.
-    fn entered(&self, from: DVec3, to: DVec3) -> i32 {
-        let way = to - from;
-        let enters = |triangle: u32| {
-            let (_, at) = meets(&self.corners[triangle as usize], from, way)?;
-            let against = self.face_normal(triangle as usize).dot(way) < 0.0;
-            (0.0..=1.0).contains(&at).then_some(if against { 1 } else { -1 })
-        };
-        self.near(from.min(to), from.max(to)).into_iter().filter_map(enters).sum()
-    }
 }
 
 /// For each triangle with an edge longer than the tool's radius, the point that an axis sample first touches on it, unless a triangle

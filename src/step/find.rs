@@ -2,8 +2,8 @@
 
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
-use crate::collide::round::{self, Sides};
-use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips};
+use crate::collide::sides::{Last, Sides};
+use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
@@ -231,20 +231,23 @@ impl Simulation {
                 let Some(patch) = &patches[number][k] else { continue };
                 let faces = &body.located.faces[k];
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
-                found.extend(match (&tool.round, &tool.lines) {
+                let last = match self.step_number > 1 {
+                    true => Last::new(&self.sides, (k, number), &position),
+                    false => Last::none(),
+                };
+                let (of_pair, of_samples) = match (&tool.round, &tool.lines) {
                     (Some(round), _) => {
-                        let last = (self.step_number > 1).then_some(&self.sides);
-                        let (found, of_samples) =
-                            round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], last);
-                        sides.extend(of_samples.into_iter().map(|(sample, side)| ((k, number, sample), side)));
-                        found
+                        round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], &last)
                     }
-                    (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k]),
+                    (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k], &last),
                     (None, None) => {
                         let retreat = |sample| self.fronts.get(&(k, sample)).copied();
-                        collide::contacts(of_tool, of_skin, &own, travel[k], |cell| body.resistance(cell), retreat)
+                        let resistance = |cell| body.resistance(cell);
+                        (collide::contacts(of_tool, of_skin, &own, travel[k], resistance, retreat), vec![])
                     }
-                });
+                };
+                found.extend(of_pair);
+                sides.extend(of_samples.into_iter().map(|(sample, side)| ((k, number, sample), side)));
                 found.extend(bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]));
             }
             // with walls

@@ -53,7 +53,7 @@ use crate::backend::{Device, Snapshot};
 use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::bodies::tetrahedra::with_meshes;
-use crate::collide::{Contact, round};
+use crate::collide::{Contact, sides};
 use crate::error::{Result, unless};
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
@@ -205,8 +205,8 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
-    /// Sides of deformable bodies that round tools were on at the last step.
-    sides: round::Sides,
+    /// Sides of deformable bodies that tools were on at the last step.
+    sides: sides::Sides,
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
@@ -264,7 +264,7 @@ impl Simulation {
             postponed: incise::Postponed::new(),
             fronts: incise::Fronts::new(),
             depths: BTreeMap::new(),
-            sides: round::Sides::new(),
+            sides: sides::Sides::new(),
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             interrupt: Arc::default(),

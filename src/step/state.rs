@@ -8,7 +8,7 @@ use super::body::{Body, Compliance, Cut, Known, first_motion};
 use super::{Booked, Measured, Refused, Simulation, incise};
 use crate::backend::{FREE, Vector};
 use crate::bodies::rigid::Motion;
-use crate::collide::round;
+use crate::collide::sides;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::math::V4;
@@ -29,7 +29,7 @@ pub struct State {
     postponed: incise::Postponed,
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
-    sides: round::Sides,
+    sides: sides::Sides,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     booked: Booked,
     least: Option<Measured>,
