@@ -31,6 +31,7 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
+use sides::{Last, Projection, Side};
 
 /// Contact or constraint between two moving points.
 #[derive(Clone, Debug)]
@@ -234,7 +235,7 @@ impl Patch {
     }
 
     /// Projection on the surface: triangle, weights, signed distance (negative inside), outward unit normal.
-    pub fn project(&self, point: DVec3) -> (usize, [f64; 3], f64, DVec3) {
+    pub fn project(&self, point: DVec3) -> Projection {
         let local = to_f32(point - self.origin);
         let (projection, (triangle, location)) = self.mesh.project_local_point_and_get_location(local, false);
         let triangle = triangle as usize;
@@ -292,8 +293,9 @@ pub fn contacts(
     travel: f64,
     resistance: impl Fn(u32) -> Resistance,
     retreat: impl Fn(usize) -> Option<f64>,
-) -> Vec<Contact> {
-    let mut out = vec![];
+    last: &Last,
+) -> (Vec<Contact>, Vec<(usize, Side)>) {
+    let (mut out, mut sides) = (vec![], vec![]);
     for (index, sample) in tool.samples.iter().enumerate() {
         let point = tool.at(sample.position);
         let reach = search.alarm + travel;
@@ -302,7 +304,14 @@ pub fn contacts(
                 edge_contact(tool, edge, patch, point, length, reach, search, &resistance, retreat(index))
             }
             (Role::Flat(flat), Some(edge)) => flat_contact(tool, edge, patch, point, flat, travel, search, &resistance),
-            _ => point_contact(patch, point, tool.tip_radius, reach, search),
+            _ => {
+                let blunt = sample.role == Role::Point && tool.edge.is_none();
+                let projection = if blunt { last.project(patch, index, point) } else { patch.project(point) };
+                if blunt && projection.2 < reach + search.distance {
+                    sides.push((index, Side::of(patch, point, projection)));
+                }
+                point_contact(patch, point, projection, tool.tip_radius, reach, search)
+            }
         };
         let on_skin = |f: Found| {
             let contact = Contact::on_skin(number, index, body, f.material_point, f.point);
@@ -310,7 +319,7 @@ pub fn contacts(
         };
         out.extend(found.map(on_skin));
     }
-    out
+    (out, sides)
 }
 
 /// Contact of a sample, without the bodies.
@@ -329,9 +338,15 @@ pub fn frame(normal: DVec3) -> [DVec3; 3] {
     [normal, t, s]
 }
 
-fn point_contact(patch: &Patch, point: DVec3, radius: f64, reach: f64, search: &Search) -> Option<Found> {
-    let (triangle, weights, distance, normal) = patch.project(point);
-    let disc = patch.disc(triangle, weights, radius);
+fn point_contact(
+    patch: &Patch,
+    point: DVec3,
+    (triangle, weights, distance, normal): Projection,
+    radius: f64,
+    reach: f64,
+    search: &Search,
+) -> Option<Found> {
+    let disc = patch.disc(triangle, weights, radius).filter(|disc| disc.normal.dot(normal) > 0.0);
     let (material_point, distance, normal) = match disc {
         Some(disc) => (disc.material_point, disc.normal.dot(point - disc.position), disc.normal),
         None => (patch.material_point(triangle, weights), distance, normal),

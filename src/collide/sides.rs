@@ -1,4 +1,5 @@
-//! Sides of the skin that samples of round tools and points of tools of lines are on, from step to step.
+//! Sides of the skin that samples of tools are on, from step to step: of the axes of round tools, of the points of tools of lines and of blunt
+//! tools. (A blade cuts its own way in.)
 //!
 //! What is inside has come in through the surface: the way from where a sample was last outside, carried by the skin since, enters the
 //! surface once more than it leaves it. The nearest point of the surface alone cannot tell: in skin that is pressed flat the far side is the
@@ -6,11 +7,21 @@
 //! the nearest point or the way in the world must agree. A sample inside is pushed out along the normal of the nearest surface that looks to
 //! where it came in. The first step of a run has the nearest surface alone; what was away from the skin is outside.
 //!
-//! Tools dragged over held edges of a block (8 × 8 × 4 mm, 100 and 30 kPa, random ways), and how many were thrown by more than what the hand's
-//! spring bears, by 10 to 60 N mostly: 80 spheres, 22 by the nearest surface and none now; 40 capsules, 7 and 3; 60 tools of lines, 22 and LINESNOW.
+//! Tools dragged over held edges of a block of 8 × 8 × 4 mm, 100 or 30 kPa, along random ways, and how many were thrown, borne by more than
+//! the hand's spring and the inertia bear (by 10 to 60 N mostly): by the nearest surface alone, and now:
+//!
+//! | tool | of | nearest surface alone | now |
+//! | --- | --- | --- | --- |
+//! | sphere | 80 | 21 | 0 |
+//! | capsule | 40 | 7 | 3 |
+//! | points | 60 | 19 | 0 |
+//! | points and lines | 60 | 21 | 2 |
+//!
+//! The three capsules hook into a corner that is held on two sides, between walls that cannot give way; warnings say so.
 //! Units: m.
 
 use super::{Patch, meets};
+use crate::mesh::MaterialPoint;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -21,15 +32,14 @@ const FACING: f64 = 0.1;
 const JUST_OUT: f64 = 1e-6;
 
 /// Side of the skin that a sample of a tool was on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Side {
     /// It was inside.
     inside: bool,
     /// Where it was, m.
     at: DVec3,
     /// Point of the surface nearest to it; of a sample inside, of the surface that it is pushed out of.
-    nodes: [u32; 3],
-    weights: [f64; 3],
+    on_skin: MaterialPoint,
     /// From there to the sample, m; of a sample inside, just out of the surface.
     away: DVec3,
 }
@@ -45,14 +55,13 @@ impl Side {
     pub fn of(patch: &Patch, at: DVec3, (triangle, weights, distance, normal): Projection) -> Self {
         let inside = distance < 0.0;
         let away = if inside { normal * JUST_OUT } else { at - patch.position(triangle, weights) };
-        Self { inside, at, nodes: patch.triangles[triangle], weights, away }
+        Self { inside, at, on_skin: patch.material_point(triangle, weights), away }
     }
 
     /// The position outside that it has on the skin as it is now; none where the patch does not reach.
     fn outside(&self, patch: &Patch, position: &dyn Fn(u32) -> DVec3) -> Option<DVec3> {
-        let here = |node: &u32| patch.triangles.iter().any(|triangle| triangle.contains(node));
-        let at: DVec3 = self.nodes.iter().zip(self.weights).map(|(node, weight)| position(*node) * weight).sum();
-        self.nodes.iter().all(here).then_some(at + self.away)
+        let at: DVec3 = self.on_skin.0.iter().map(|(node, weight)| position(*node) * *weight).sum();
+        self.on_skin.nodes().all(|node| patch.has(node)).then_some(at + self.away)
     }
 }
 
@@ -124,6 +133,12 @@ impl Patch {
             let out = (-away).try_normalize().filter(|out| out.dot(normal) > 0.0).unwrap_or(normal);
             (triangle, weights, -away.length(), out)
         })
+    }
+
+    /// Whether a node is one of its corners.
+    fn has(&self, node: u32) -> bool {
+        let of_faces = || self.quarters.iter().any(|face| face.contains(&node));
+        self.triangles.iter().any(|triangle| triangle.contains(&node)) || of_faces()
     }
 
     /// How often a way enters the surface, less how often it leaves.

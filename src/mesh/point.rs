@@ -2,13 +2,14 @@
 
 use super::{Embedded, Grid, Unstructured};
 use crate::kernels::corner;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
 /// acts on the nodes by the same weights. Empty for a side that no deformable body has.
 ///
 /// Most have up to eight nodes (a node, a point of a triangle, of a face or of a hexahedron); the skin under a blunt tip has more.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MaterialPoint(pub Vec<(u32, f64)>);
 
 impl MaterialPoint {

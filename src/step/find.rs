@@ -243,7 +243,7 @@ impl Simulation {
                     (None, None) => {
                         let retreat = |sample| self.fronts.get(&(k, sample)).copied();
                         let resistance = |cell| body.resistance(cell);
-                        (collide::contacts(of_tool, of_skin, &own, travel[k], resistance, retreat), vec![])
+                        collide::contacts(of_tool, of_skin, &own, travel[k], resistance, retreat, &last)
                     }
                 };
                 found.extend(of_pair);

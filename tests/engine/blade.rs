@@ -5,6 +5,7 @@
 mod paths;
 
 use cutis::bodies::rigid::Instrument;
+use cutis::collide::sides::Last;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
 use cutis::constraints::Law;
 use cutis::mesh::Face;
@@ -43,7 +44,9 @@ fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
         travel,
         |_| Resistance { edge: 0.0, splitting: SPLITTING, cell },
         |_| None,
-    );
+        &Last::none(),
+    )
+    .0;
     let position =
         |contact: &Contact| contact.points[1].0.iter().map(|(node, weight)| positions[*node as usize] * *weight).sum();
     found.into_iter().map(|contact| (contact.clone(), position(&contact))).collect()

@@ -2,6 +2,7 @@
 
 use cutis::bodies::rigid::Instrument;
 use cutis::collide::broad::Boxes;
+use cutis::collide::sides::Last;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts, tool_box};
 use cutis::kernels::bounds;
 use cutis::math::V4;
@@ -136,7 +137,8 @@ const MARGIN: f64 = SEARCH.alarm + SEARCH.distance + TRAVEL;
 
 fn contacts_with(skin: &Skin, tool: &Instrument, faces: &[Face]) -> Vec<Contact> {
     let patch = Patch::new(faces, |id| skin.at(id));
-    patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| BEARS, |_| None))
+    let of = |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| BEARS, |_| None, &Last::none()).0;
+    patch.map_or(vec![], of)
 }
 
 /// Lengths in f32 are known to this within the few centimetres that a body and its displacements span, m: 2⁻²⁴ × 0.1 m, a few times.

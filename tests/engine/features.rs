@@ -4,7 +4,8 @@
 use cutis::bodies::rigid::{Instrument, UnconstrainedMotion};
 use cutis::collide::features::closest;
 use cutis::collide::features::cones::Cone;
-use cutis::collide::features::{contacts, contacts_among};
+use cutis::collide::features::{self, contacts_among};
+use cutis::collide::sides::Last;
 use cutis::collide::{Contact, Patch, Search};
 use cutis::constraints::Law;
 use cutis::math::random::Random;
@@ -17,6 +18,17 @@ use std::path::Path;
 
 /// m
 const MM: f64 = 1e-3;
+
+/// Contacts of a first step.
+fn contacts(
+    tool: (usize, &Instrument),
+    lines: &Lines,
+    skin: (usize, &Patch),
+    search: &Search,
+    free: &UnconstrainedMotion,
+) -> Vec<Contact> {
+    features::contacts(tool, lines, skin, search, free, &Last::none()).0
+}
 /// Relative error of positions and gaps that are known exactly.
 const EXACT: f64 = 1e-9;
 /// Nodes along a side of the hand-made surfaces, a millimetre apart, the middle one at the origin.
@@ -319,7 +331,7 @@ proptest! {
         for filter in [Filter::Cones, Filter::Points] {
             let search = search(filter);
             let quick = contacts((0, &tool), &lines, (0, &patch), &search, &free);
-            let brute = contacts_among((0, &tool), &lines, (0, &patch), &search, &free, &|_, _| everything.clone());
+            let brute = contacts_among((0, &tool), &lines, (0, &patch), &search, &free, &Last::none(), &|_, _| everything.clone()).0;
             prop_assert_eq!(said(&quick), said(&brute));
         }
     }
@@ -346,11 +358,12 @@ fn a_search_that_misses_a_triangle_would_be_noticed() {
     let (tool, lines) = tool(&[[0.6, 0.2, 0.1]], &[], 0.0);
     let (flat, still, search) = (surface(|_, _| 0.0), still(DVec3::ZERO), search(Filter::Cones));
     let all: Vec<u32> = (0..2 * (SIDE - 1) * (SIDE - 1)).collect();
-    let whole = contacts_among((0, &tool), &lines, (0, &flat), &search, &still, &|_, _| all.clone());
+    let whole = contacts_among((0, &tool), &lines, (0, &flat), &search, &still, &Last::none(), &|_, _| all.clone()).0;
     let below = |t: &u32| flat.project(DVec3::new(0.6, 0.2, 0.1) * MM).0 as u32 != *t;
     let rest: Vec<u32> = all.iter().copied().filter(below).collect();
     assert_eq!((whole.len(), rest.len()), (1, all.len() - 1));
-    assert!(contacts_among((0, &tool), &lines, (0, &flat), &search, &still, &|_, _| rest.clone()).is_empty());
+    let left = contacts_among((0, &tool), &lines, (0, &flat), &search, &still, &Last::none(), &|_, _| rest.clone()).0;
+    assert!(left.is_empty());
 }
 
 #[test]
