@@ -73,7 +73,7 @@ fn a_small_piece_hangs_by_an_attachment() {
         let (mut simulation, nodes) = parted(scene, &Platform::Cpu64, CORNERS[1]);
         let weight: f64 = nodes.iter().map(|n| simulation.bodies[0].wound.free[*n][3]).sum::<f64>() * GRAVITY;
         let mut borne = 0.0;
-        for _ in 0..60 {
+        for _ in 0..40 {
             let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
             borne = report.contact.force(BodyId::World, Some(BodyId::Deformable(0))).z;
         }

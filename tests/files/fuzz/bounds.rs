@@ -9,10 +9,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// No input here takes a tenth of a second; a machine under load gets a thousand times that.
+/// No input here takes a tenth of a second; a machine under load gets a thousand times that. Looked at this many times, so that a machine that
+/// stands still for a while counts once.
 const LONGEST: Duration = Duration::from_secs(100);
+const LOOKS: u32 = 20;
 
 /// Peak of memory to read an input in, bytes: texts here are below 100 kB, and a mesh takes some ten times its text.
 pub const TO_READ: u64 = 32 << 20;
@@ -20,8 +22,8 @@ pub const TO_READ: u64 = 32 << 20;
 /// Peak to step a scene of at most 3 × 3 cells a layer, bytes.
 pub const TO_RUN: u64 = 512 << 20;
 
-/// The input at work, and since when.
-type AtWork = Arc<Mutex<Option<(Instant, String)>>>;
+/// The input at work, and how often it was looked at.
+type AtWork = Arc<Mutex<Option<(u32, String)>>>;
 
 /// Looks every now and then whether an input takes too long, and tells it to `late`.
 pub struct Watch(AtWork);
@@ -32,20 +34,21 @@ impl Watch {
         let seen = Arc::downgrade(&at_work);
         std::thread::spawn(move || {
             while let Some(at_work) = seen.upgrade() {
-                if let Some((_, input)) =
-                    at_work.lock().expect("no panic under it").as_ref().filter(|w| w.0.elapsed() > longest)
-                {
-                    late(input);
+                if let Some((looks, input)) = at_work.lock().expect("no panic under it").as_mut() {
+                    *looks += 1;
+                    if *looks > LOOKS {
+                        late(input);
+                    }
                 }
                 drop(at_work);
-                std::thread::sleep(longest / 10);
+                std::thread::sleep(longest / LOOKS);
             }
         });
         Self(at_work)
     }
 
     fn over<T>(&self, input: &str, run: impl FnOnce() -> T) -> T {
-        *self.0.lock().expect("no panic under it") = Some((Instant::now(), input.to_string()));
+        *self.0.lock().expect("no panic under it") = Some((0, input.to_string()));
         let out = run();
         *self.0.lock().expect("no panic under it") = None;
         out
