@@ -7,8 +7,8 @@
 //! the nearest point or the way in the world must agree. A sample inside is pushed out along the normal of the nearest surface that looks to
 //! where it came in. The first step of a run has the nearest surface alone; what was away from the skin is outside.
 //!
-//! Tools dragged over held edges of a block of 8 × 8 × 4 mm, 100 or 30 kPa, along random ways, and how many were thrown, borne by more than
-//! the hand's spring and the inertia bear (by 10 to 60 N mostly): by the nearest surface alone, and now:
+//! Tools dragged over held edges of a block of 8 × 8 × 4 mm, 100 or 30 kPa, along random ways, and how many the skin threw, by more than 1.7
+//! times the force of the hand's spring and 1.5 N (by 10 to 60 N mostly):
 //!
 //! | tool | of | nearest surface alone | now |
 //! | --- | --- | --- | --- |
@@ -16,6 +16,7 @@
 //! | capsule | 40 | 7 | 3 |
 //! | points | 60 | 19 | 0 |
 //! | points and lines | 60 | 21 | 2 |
+//! | sphere that carves, anywhere | 40 | 8 | 1 |
 //!
 //! The three capsules hook into a corner that is held on two sides, between walls that cannot give way; warnings say so.
 //! Units: m.
