@@ -386,7 +386,7 @@ fn spread_rows<R: Real>(from: &[V4<R>], to: &mut [&mut [R]; LINEARISED_PLANES], 
 #[inline(always)]
 fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     // most rows have none, which a register of them tells at once (one by one, 4 % of the time of incision.toml)
-    if row.iter().fold(0, |any, row| any | row) == 0 {
+    if row.iter().fold(0, |any, word| any | word) == 0 {
         return;
     }
     for (x, _) in row.iter().enumerate().filter(|(_, row)| **row != 0) {

@@ -1,7 +1,7 @@
 //! Contacts between a tool's samples and the skin's surface, on parry3d.
 //!
 //! Only the surface near the tool is searched ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature);
-//! the patch's pseudo-normals tell inside from outside, so a point inside is pushed out. The flats of a blade look along ± their normal
+//! the patch's pseudo-normals and where it was ([`sides`]) tell inside from outside, so a point inside is pushed out. The flats of a blade look along ± their normal
 //! alone: a ray from the blade's middle plane to the first wall that faces it. parry3d works in f32 and finds the triangle and the point on
 //! it; gaps and normals are then computed from f64 positions.
 //! Units: m.
@@ -31,7 +31,7 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
-use sides::{Last, Projection, Side};
+use sides::{Last, OfSamples, Projection, Side};
 
 /// Contact or constraint between two moving points.
 #[derive(Clone, Debug)]
@@ -294,7 +294,7 @@ pub fn contacts(
     resistance: impl Fn(u32) -> Resistance,
     retreat: impl Fn(usize) -> Option<f64>,
     last: &Last,
-) -> (Vec<Contact>, Vec<(usize, Side)>) {
+) -> (Vec<Contact>, OfSamples) {
     let (mut out, mut sides) = (vec![], vec![]);
     for (index, sample) in tool.samples.iter().enumerate() {
         let point = tool.at(sample.position);
@@ -307,8 +307,9 @@ pub fn contacts(
             _ => {
                 let blunt = sample.role == Role::Point && tool.edge.is_none();
                 let projection = if blunt { last.project(patch, index, point) } else { patch.project(point) };
-                if blunt && projection.2 < reach + search.distance {
-                    sides.push((index, Side::of(patch, point, projection)));
+                if blunt {
+                    let near = projection.2 < reach + search.distance;
+                    sides.push((index, near.then(|| Side::of(patch, point, projection))));
                 }
                 point_contact(patch, point, projection, tool.tip_radius, reach, search)
             }

@@ -7,7 +7,7 @@
 //! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
 //!
 //! - Signed. LocalMinDistance has no inside: a tool behind the surface loses its contacts. Here a point inside is pushed out along the
-//!   normal of the nearest surface ([`Patch::project`] has the sign). A segment below an edge or vertex is the mirrored problem: the same
+//!   normal of the nearest surface (inside by [`super::sides`]). A segment below an edge or vertex is the mirrored problem: the same
 //!   pair with reversed normal, if the tool's point is inside and the pair about as near as the surface. A stretch of a segment between two
 //!   triangles that it pierces has one contact, at its middle, if no pair holds it.
 //! - Touching. Below a hundredth of the alarm distance PQ has no direction: a point takes the mean normal of the vertex, edge or triangle
@@ -21,7 +21,7 @@
 pub mod closest;
 pub mod cones;
 
-use super::sides::{Last, Projection, Side};
+use super::sides::{Last, OfSamples, Projection, Side};
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::constraints::Law;
@@ -102,7 +102,7 @@ pub fn contacts(
     search: &Search,
     free: &UnconstrainedMotion,
     last: &Last,
-) -> (Vec<Contact>, Vec<(usize, Side)>) {
+) -> (Vec<Contact>, OfSamples) {
     contacts_among(tool, lines, skin, search, free, last, &|low, high| skin.1.near(low, high))
 }
 
@@ -115,7 +115,7 @@ pub fn contacts_among(
     free: &UnconstrainedMotion,
     last: &Last,
     near: &dyn Fn(DVec3, DVec3) -> Vec<u32>,
-) -> (Vec<Contact>, Vec<(usize, Side)>) {
+) -> (Vec<Contact>, OfSamples) {
     let touch = TOUCH * search.alarm;
     let pieces = pieces(tool, lines, free);
     // sides of the points
@@ -123,10 +123,11 @@ pub fn contacts_among(
     let points: Vec<Projection> =
         of_points.clone().map(|(index, piece)| last.project(patch, index, piece.ends[0])).collect();
     let reach = |piece: &Piece| search.alarm + search.distance + lines.radius + 2.0 * touch + piece.travel();
-    let sides = of_points
-        .filter(|(index, piece)| points[*index].2 < reach(piece))
-        .map(|(index, piece)| (index, Side::of(patch, piece.ends[0], points[index])))
-        .collect();
+    let side = |(index, piece): (usize, &Piece)| {
+        let near = points[index].2 < reach(piece);
+        (index, near.then(|| Side::of(patch, piece.ends[0], points[index])))
+    };
+    let sides = of_points.map(side).collect();
     let pairs = PairSearch { patch, features: Features::new(patch), search, radius: lines.radius, touch, points };
     let mut kept: Vec<(usize, Pair)> = vec![];
     // pairs of every point and segment, from the triangles around its motion
@@ -136,8 +137,7 @@ pub fn contacts_among(
         let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - margin;
         let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + margin;
         let triangles = near(low, high);
-        let found =
-            if piece.point { pairs.point((index, piece), &triangles) } else { pairs.segment(piece, &triangles) };
+        let found = if piece.point { pairs.point(piece, &triangles) } else { pairs.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
     kept.sort_by_key(|(_, pair)| !pair.frictional); // of two pairs at one point the one with friction is kept
@@ -193,8 +193,8 @@ fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<P
 
 impl PairSearch<'_> {
     /// Pairs of a tool's point: what it rests on and other local minima; if inside, the way out.
-    fn point(&self, (index, piece): (usize, &Piece), triangles: &[u32]) -> Vec<Pair> {
-        let (p, projection) = (piece.ends[0], self.points[index]);
+    fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
+        let (p, projection) = (piece.ends[0], self.points[piece.first]);
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let rests = features().find_map(|feature| self.rests(piece, feature));
         let mut found: Vec<Pair> = match rests.is_none() && projection.2 < 0.0 {

@@ -31,7 +31,7 @@
 //! Units: m.
 
 use super::features::closest::on_segment;
-use super::sides::{Last, Side};
+use super::sides::{Last, OfSamples, Side};
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
@@ -236,7 +236,7 @@ pub fn contacts(
     search: &Search,
     free: &UnconstrainedMotion,
     last: &Last,
-) -> (Vec<Contact>, Vec<(usize, Side)>) {
+) -> (Vec<Contact>, OfSamples) {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
     let Near { points: mut nearest, out, sides } = nearest_points(tool, patch, &sweep, reach, last);
@@ -288,8 +288,8 @@ struct Near {
     points: Vec<Nearest>,
     /// If a sample starts inside the skin, the way out: the normal at the point nearest to the deepest one.
     out: Option<DVec3>,
-    /// Sides that the samples are on, by their numbers; none away from the skin.
-    sides: Vec<(usize, Side)>,
+    /// Sides that the samples are on.
+    sides: OfSamples,
 }
 
 fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, last: &Last) -> Near {
@@ -302,11 +302,11 @@ fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, l
                 if t == 0.0 { start } else { patch.project_outside(axis + sweep.translation * t) };
             (distance - sweep.radius, (triangle, weights, normal))
         });
+        sides.push((index, (clear < reach).then(|| Side::of(patch, axis, start))));
         if clear >= reach {
             continue;
         }
         let (_, _, distance, out) = start;
-        sides.push((index, Side::of(patch, axis, start)));
         if deepest.is_none_or(|(depth, _)| distance < depth) {
             deepest = Some((distance, out));
         }

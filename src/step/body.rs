@@ -200,7 +200,7 @@ impl Body {
             Some(gpu) => Box::new(GpuBackend::new(gpu.clone(), &model, needs, cap, floor, &start)?),
             None => on_cpu(single, &model, needs, cap, floor, &start),
         };
-        // a floating body falls, and its columns take a tighter tolerance
+        // a floating body falls
         let part = scene.time.part();
         let floats = floats(&model);
         let fall = if floats { DVec3::from_array(scene.time.gravity).length() * part.powi(2) } else { 0.0 };

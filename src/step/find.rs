@@ -159,8 +159,9 @@ impl Simulation {
 
     /// Reads back the positions of deformable bodies' nodes near other bodies.
     ///
-    /// The search margin suffices for points outside. A point inside at depth `d` belongs to the nearest surface, which may be as far as
-    /// `d`: if that exceeds the margin, the margin of its tool grows by `d` and all bodies are located again.
+    /// The search margin suffices for points outside. The nearest surface of a point inside at depth `d` is as far as `d`: if that exceeds the
+    /// margin, the margin of its tool grows by `d` and all bodies are located again. (Where it came in may be farther yet; then it is pushed out
+    /// of the nearest surface.)
     fn locate(&mut self, search: &Search, travel: &[f64], report: &mut StepReport) -> Result<()> {
         for body in &mut self.bodies {
             body.refit_boxes()?;
@@ -210,7 +211,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Contacts of deformable bodies with all other bodies, and the sides of the skin that round tools are on.
+    /// Contacts of deformable bodies with all other bodies, and the sides of the skin that tools are on.
     fn skin_contacts(
         &self,
         search: &Search,
@@ -228,13 +229,13 @@ impl Simulation {
             let position = |id: u32| body.position(id);
             // with tools, by their shape
             for (k, tool) in self.tools.iter().enumerate() {
-                let Some(patch) = &patches[number][k] else { continue };
+                let last = Last::new(&self.sides, (k, number), &position);
+                let Some(patch) = &patches[number][k] else {
+                    sides.extend(last.away().into_iter().map(|(sample, side)| ((k, number, sample), side)));
+                    continue;
+                };
                 let faces = &body.located.faces[k];
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
-                let last = match self.step_number > 1 {
-                    true => Last::new(&self.sides, (k, number), &position),
-                    false => Last::none(),
-                };
                 let (of_pair, of_samples) = match (&tool.round, &tool.lines) {
                     (Some(round), _) => {
                         round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k], &last)

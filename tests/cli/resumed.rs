@@ -246,6 +246,6 @@ fn a_damaged_checkpoint_is_refused() -> Outcome {
     with(&changed(16), "is of a newer program (format 27; this one reads 11)")?;
     let mut older = whole.clone();
     older[16] = 0;
-    with(&older, "is of an older program (format 0; this one reads 10)")?;
+    with(&older, "is of an older program (format 0; this one reads 11)")?;
     Ok(())
 }

@@ -56,7 +56,7 @@ pub fn most_nodes(max_contacts: u32) -> usize {
     16 * max_contacts as usize
 }
 
-/// Rest positions of a body's nodes, and its loose pieces.
+/// Rest positions of a body's nodes, and what of it floats.
 #[derive(Clone, Copy)]
 pub struct Places<'a> {
     /// `[node]` m, duplicates last
@@ -76,7 +76,7 @@ impl<'a> Places<'a> {
     }
 
     /// Whether a node belongs to a loose piece.
-    fn loose(&self, node: u32) -> bool {
+    fn is_loose(&self, node: u32) -> bool {
         self.loose.iter().any(|piece| piece.nodes.binary_search(&node).is_ok())
     }
 }
@@ -165,13 +165,13 @@ impl Compliance {
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
         let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-        let of_column = |slot: usize| {
-            let loose = places.loose(node(slot));
-            let tolerance = if loose || places.floats { FLOATING_FACTOR * tolerance } else { tolerance };
-            Target::Loose(tolerance, if loose { u32::MAX } else { budget })
+        let limit = |slot: usize| if places.is_loose(node(slot)) { u32::MAX } else { budget };
+        let target = |slot: usize| {
+            let moves = places.floats || places.is_loose(node(slot));
+            Target::Loose(if moves { FLOATING_FACTOR * tolerance } else { tolerance }, limit(slot))
         };
         let wanted: Vec<SolveRequest> =
-            slots.iter().map(|slot| SolveRequest { slot: *slot, target: of_column(*slot) }).collect();
+            slots.iter().map(|slot| SolveRequest { slot: *slot, target: target(*slot) }).collect();
         let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
         // solve from zero, reading every known node
         backend.reset_initial_guess(&slots)?;
@@ -185,7 +185,7 @@ impl Compliance {
         if most > 0 {
             self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
         }
-        if outcomes.iter().any(|o| o.broken(budget)) {
+        if outcomes.iter().zip(&slots).any(|(outcome, slot)| outcome.broken(limit(*slot))) {
             *report.warnings.entry("columns_not_converged").or_default() += 1;
         }
         // store the blocks
@@ -357,7 +357,7 @@ fn nearest(places: Places, node: u32) -> Vec<u32> {
 }
 
 /// Compliance of a body at rest, independent of its later state: columns of one matrix, by its factor in f64 on the host (hexahedra) or
-/// solved to [`EXACT`] (others), in [`BEYOND`] times the iterations of the easiest batch at most. Computed as nodes are reached.
+/// solved to [`EXACT`] (others), within the bound on iterations of others. Computed as nodes are reached.
 #[derive(Default)]
 pub struct AtRest {
     backend: Option<Box<CpuBackend<f64>>>,

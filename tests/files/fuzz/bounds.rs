@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// No input here takes a tenth of a second; a machine under load gets a thousand times that. Looked at this many times, so that a machine that
-/// stands still for a while counts once.
+/// No input here takes a tenth of a second; a machine under load gets a thousand times that.
 const LONGEST: Duration = Duration::from_secs(100);
+/// How often an input is looked at in that time; a machine that stands still for a while costs one look.
 const LOOKS: u32 = 20;
 
 /// Peak of memory to read an input in, bytes: texts here are below 100 kB, and a mesh takes some ten times its text.
