@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn a_sample_deep_in_a_thin_plate_is_pushed_back_to_its_side() {
         let up = DVec3::new(-1.0, 0.0, 3.0).normalize();
-        let found = followed(2e-4, &[1e-4, -1.2e-4, -1.5e-4, -1.9e-4]);
+        let found = followed(2e-4, &[1e-4, -1.2e-4, -1.5e-4, -1.8e-4]);
         for (_, _, distance, normal) in &found[1..] {
             assert!(*distance < 0.0 && normal.dot(up) > 0.99, "{found:?}");
         }
