@@ -345,7 +345,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             match of {
                 Of::System { free } => {
                     let free = &free[k * level_nodes + first..][own.clone()];
-                    finish(params, free, &z_below, &f_below, own.start, w[k], &mut along);
+                    finish(params, free, &z_below, &mut f_below, own.start, w[k], &mut along);
                 }
                 Of::Elastic { .. } => {
                     for (i, w) in w[k].iter_mut().enumerate() {
@@ -394,30 +394,34 @@ fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     }
 }
 
-/// Adds inertia and eliminates fixed axes for a strip's nodes at one level.
+/// Adds inertia and eliminates fixed axes for a strip's nodes at one level; `force` is left with what `w` has.
 #[inline(always)]
 fn finish<R: Real>(
     params: &Params<R>,
     free: &[V4<R>],
     z: &[&mut [R]; 3],
-    force: &[&mut [R]; 3],
+    force: &mut [&mut [R]; 3],
     from: usize,
     w: &mut [V4<R>],
     dot: &mut [R; 4],
 ) {
     let count = w.len();
-    let [z0, z1, z2] = z.each_ref().map(|plane| &plane[from..][..count]);
-    let [f0, f1, f2] = force.each_ref().map(|plane| &plane[from..][..count]);
     let free = &free[..count];
-    for i in 0..count {
-        let own = [z0[i], z1[i], z2[i], R::zero()];
-        let sum = [f0[i], f1[i], f2[i], R::zero()];
-        let rate = params.inertia * free[i][3];
-        for n in 0..4 {
-            let value = (sum[n] * params.stiffness_factor + own[n] * rate) * free[i][n];
-            w[i][n] = value;
-            dot[n] += own[n] * value;
+    // by component, so that lanes have a node each; sums in the order of the nodes
+    for n in 0..3 {
+        let (z, f) = (&z[n][from..][..count], &mut force[n][from..][..count]);
+        for i in 0..count {
+            f[i] = (f[i] * params.stiffness_factor + z[i] * (params.inertia * free[i][3])) * free[i][n];
         }
+        let mut sum = dot[n];
+        for i in 0..count {
+            sum += z[i] * f[i];
+        }
+        dot[n] = sum;
+    }
+    let [f0, f1, f2] = force.each_ref().map(|plane| &plane[from..][..count]);
+    for i in 0..count {
+        w[i] = [f0[i], f1[i], f2[i], R::zero()];
     }
 }
 
