@@ -1,8 +1,8 @@
 //! Contacts between a tool's samples and the skin's surface, on parry3d.
 //!
 //! Only the surface near the tool is searched ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature);
-//! the patch's pseudo-normals and where it was ([`sides`]) tell inside from outside, so a point inside is pushed out. The flats of a blade look along ± their normal
-//! alone: a ray from the blade's middle plane to the first wall that faces it. parry3d works in f32 and finds the triangle and the point on
+//! the patch's pseudo-normals and where it was ([`sides`]) tell inside from outside, so a point inside is pushed out. The flats of a blade
+//! look along ± their normal alone: a ray from the blade's middle plane to the first wall that faces it. parry3d works in f32 and finds the triangle and the point on
 //! it; gaps and normals are then computed from f64 positions.
 //! Units: m.
 //!
@@ -163,6 +163,8 @@ pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
 /// Patch of skin at its present position.
 pub struct Patch {
     mesh: TriMesh,
+    /// Its nodes, sorted.
+    ids: Vec<u32>,
     /// Node ids; empty if faces are four triangles about their centre, which is no node.
     triangles: Vec<[u32; 3]>,
     /// Nodes of such faces.
@@ -208,7 +210,7 @@ impl Patch {
         let cells = faces.iter().flat_map(|q| q.triangles().map(|_| q.cell)).collect();
         let walls = faces.iter().flat_map(|q| q.triangles().map(|_| q.wall)).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
-        Some(Self { mesh, triangles, quarters: vec![], cells, walls, corners, origin })
+        Some(Self { mesh, ids, triangles, quarters: vec![], cells, walls, corners, origin })
     }
 
     /// Nearest point of the surface and its distance, m.
@@ -421,7 +423,7 @@ impl Patch {
         let cells = faces.iter().flat_map(|q| [q.cell; 4]).collect();
         let walls = faces.iter().flat_map(|q| [q.wall; 4]).collect();
         let quarters = faces.iter().map(|q| q.nodes).collect();
-        Some(Self { mesh, triangles: vec![], quarters, cells, walls, corners, origin })
+        Some(Self { mesh, ids, triangles: vec![], quarters, cells, walls, corners, origin })
     }
 
     /// Material point of a triangle with these weights.

@@ -122,9 +122,9 @@ pub fn contacts_among(
     let of_points = pieces.iter().filter(|piece| piece.point).enumerate();
     let points: Vec<Projection> =
         of_points.clone().map(|(index, piece)| last.project(patch, index, piece.ends[0])).collect();
-    let reach = |piece: &Piece| search.alarm + search.distance + lines.radius + 2.0 * touch + piece.travel();
+    let margin = search.alarm + search.distance + lines.radius + 2.0 * touch;
     let side = |(index, piece): (usize, &Piece)| {
-        let near = points[index].2 < reach(piece);
+        let near = points[index].2 < margin + piece.travel();
         (index, near.then(|| Side::of(patch, piece.ends[0], points[index])))
     };
     let sides = of_points.map(side).collect();
@@ -132,10 +132,9 @@ pub fn contacts_among(
     let mut kept: Vec<(usize, Pair)> = vec![];
     // pairs of every point and segment, from the triangles around its motion
     for (index, piece) in pieces.iter().enumerate() {
-        let margin = DVec3::splat(search.alarm + search.distance + lines.radius + 2.0 * touch);
         let corners = [piece.at(0.0), piece.at(1.0)].concat();
-        let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - margin;
-        let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + margin;
+        let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - DVec3::splat(margin);
+        let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + DVec3::splat(margin);
         let triangles = near(low, high);
         let found = if piece.point { pairs.point(piece, &triangles) } else { pairs.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));

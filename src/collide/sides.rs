@@ -71,7 +71,7 @@ impl Side {
 
     /// The position outside that it has on the skin as it is now; none where the patch does not reach.
     fn outside(&self, patch: &Patch, position: &dyn Fn(u32) -> DVec3) -> Option<DVec3> {
-        if !self.on_skin.nodes().all(|node| patch.has_corner(node)) {
+        if !self.on_skin.nodes().all(|node| patch.ids.binary_search(&node).is_ok()) {
             return None;
         }
         // weights in f32 do not add up to 1
@@ -160,12 +160,6 @@ impl Patch {
             let out = (-away).try_normalize().filter(|out| out.dot(normal) > 0.0).unwrap_or(normal);
             (triangle, weights, -away.length(), out)
         })
-    }
-
-    /// Whether a node is one of its corners.
-    fn has_corner(&self, node: u32) -> bool {
-        let of_faces = || self.quarters.iter().any(|face| face.contains(&node));
-        self.triangles.iter().any(|triangle| triangle.contains(&node)) || of_faces()
     }
 
     /// How often a way enters the surface, less how often it leaves.
