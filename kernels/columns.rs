@@ -40,6 +40,18 @@ pub trait Ends<R> {
     fn take(&mut self, level: usize, y: &mut [V4<R>], solution: &Components<R>);
 }
 
+/// Values of the nodes of a part by component: all components of a node in turn, so that lanes load whole nodes and sort them.
+#[inline(always)]
+pub fn from_nodes<R: Real>(count: usize, of: impl Fn(usize, usize) -> R, to: &mut Components<R>) {
+    let [x, y, z] = to;
+    let count = count.min(PART);
+    for c in 0..count {
+        x[c] = of(c, 0);
+        y[c] = of(c, 1);
+        z[c] = of(c, 2);
+    }
+}
+
 /// Solves the columns of one part ([`super::by_columns`]): takes the loads from the bottom up, gives the solutions from the top down.
 pub fn solve_columns<R: Real>(
     columns: usize,         // of all parts

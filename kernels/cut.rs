@@ -58,13 +58,20 @@ pub fn cut<R: Real>(
     let pieces: Vec<[V3<R>; 4]> = quads.chunks_exact(4).map(|q| [0, 1, 3, 2].map(|k| V3::from4(q[k]))).collect();
     let boxes: Vec<[V3<R>; 2]> = pieces.iter().map(|piece| around(piece)).collect();
     let whole = around(boxes.as_flattened());
+    // of each point the sides of the box around all pieces that it is beyond before and after the step (Cohen, Sutherland 1967)
+    let position = |n: usize, u: &[V4<R>]| V3::from4(rest[n]) + V3::from4(u[n]);
+    let of_point = |n: usize| beyond(&whole, &[position(n, point_before), position(n, point_u)]);
+    let sides: Vec<u8> = (0..rest.len()).map(of_point).collect();
     let mut hits = vec![];
     // segments whose box meets that of a piece
     for (segment, [first, second]) in ends.iter().enumerate() {
         if first == second {
             continue; // at the end of the grid: no link
         }
-        let position = |n: &u32, u: &[V4<R>]| V3::from4(rest[*n as usize]) + V3::from4(u[*n as usize]);
+        let [first, second] = [*first as usize, *second as usize];
+        if sides[first] & sides[second] != 0 {
+            continue;
+        }
         let link = [
             position(first, point_before),
             position(second, point_before),
@@ -72,7 +79,7 @@ pub fn cut<R: Real>(
             position(second, point_u),
         ];
         let own = around(&link);
-        if !meet(&whole, &own) || !link.iter().all(is_somewhere) {
+        if !link.iter().all(is_somewhere) {
             continue;
         }
         let crossed = |(piece, near): (&[V3<R>; 4], &[V3<R>; 2])| {
@@ -105,6 +112,19 @@ fn meet<R: Real>([low, high]: &[V3<R>; 2], [from, to]: &[V3<R>; 2]) -> bool {
     let (most, least) = (*high - *from, *low - *to);
     let zero = R::zero();
     most.x > zero && most.y > zero && most.z > zero && least.x <= zero && least.y <= zero && least.z <= zero
+}
+
+/// Sides of a box, a bit each, that all points are beyond in the sense of [`meet`].
+fn beyond<R: Real>([low, high]: &[V3<R>; 2], points: &[V3<R>; 2]) -> u8 {
+    let bit = |outside: bool, n: u8| u8::from(outside) << n;
+    points.iter().fold(0x3f, |all, p| {
+        all & (bit(p.x >= high.x, 0)
+            | bit(p.y >= high.y, 1)
+            | bit(p.z >= high.z, 2)
+            | bit(p.x < low.x, 3)
+            | bit(p.y < low.y, 4)
+            | bit(p.z < low.z, 5))
+    })
 }
 
 fn is_somewhere<R: Real>(p: &V3<R>) -> bool {

@@ -2,9 +2,9 @@
 //!
 //! Units: r N, z m.
 
-use super::columns::{Components, Ends, solve_columns};
+use super::columns::{Components, Ends, from_nodes, solve_columns};
 use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -49,18 +49,18 @@ impl<R: Real> Ends<R> for Preconditioned<'_, R> {
     #[inline(always)]
     fn load(&mut self, level: usize, z: &[V4<R>], load: &mut Components<R>) {
         let r = &self.r[level * self.columns..][..z.len()];
-        for n in 0..3 {
-            load[n].iter_mut().zip(r).for_each(|(load, r)| *load = r[n]);
-        }
+        from_nodes(r.len(), |c, n| r[c][n], load);
     }
 
     #[inline(always)]
     fn take(&mut self, level: usize, z: &mut [V4<R>], solution: &Components<R>) {
         let r = &self.r[level * self.columns..][..z.len()];
-        for c in 0..z.len().min(PART) {
-            let own = V3::new(solution[0][c], solution[1][c], solution[2][c]);
-            z[c] = own.pad(R::zero());
-            self.gamma[c] += V3::from4(r[c]).dot(own);
+        let count = z.len().min(PART);
+        let [x, y, up] = solution.each_ref().map(|plane| &plane[..count]);
+        let (z, r, gamma) = (&mut z[..count], &r[..count], &mut self.gamma[..count]);
+        for c in 0..count {
+            z[c] = [x[c], y[c], up[c], R::zero()];
+            gamma[c] += r[c][0] * x[c] + r[c][1] * y[c] + r[c][2] * up[c];
         }
     }
 }

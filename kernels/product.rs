@@ -34,7 +34,7 @@
 use super::linearised::HYPERELASTIC;
 use super::{Params, Source};
 use crate::math::wide::{Lanes, MOST, Task};
-use crate::math::wide::{dot, patterns, rotation_minus_one, rotation_rows};
+use crate::math::wide::{add_products, dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 use std::any::Any;
@@ -69,8 +69,6 @@ const STRIP: usize = 16;
 const NARROW: usize = 7;
 /// Minimum number of cells for a product on several threads.
 const ALONE: usize = 4096;
-/// Sums that a dot product is added up in: a chain of single additions takes a third of a product's time.
-const SUMS: usize = MOST;
 /// Planes of a strip's scratch: z and force at two levels, by component.
 const PLANES: usize = 12;
 /// Planes of the rotations of a level, by component.
@@ -280,7 +278,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let hyperelastic = params.corotational >= HYPERELASTIC && matches!(of, Of::System { .. });
 
         spread(&z[first..first + nodes], &mut z_below, 0);
-        let mut along = [[R::zero(); SUMS]; 3];
+        let mut along = [[R::zero(); MOST]; 3];
         // sweep upwards
         for k in 0..params.nodes_z as usize {
             if k < params.cells_z as usize {
@@ -367,7 +365,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
 /// Writes vectors by component, starting at entry `at`.
 #[inline(always)]
 fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: usize) {
-    let mut planes = to.each_mut().map(|plane| &mut plane[at..][..from.len()]);
+    let planes = to.each_mut().map(|plane| &mut plane[at..][..from.len()]);
     for i in 0..from.len() {
         for n in 0..N {
             planes[n][i] = from[i][n];
@@ -406,7 +404,7 @@ fn finish<R: Real>(
     force: &mut [&mut [R]; 3],
     from: usize,
     w: &mut [V4<R>],
-    along: &mut [[R; SUMS]; 3],
+    along: &mut [[R; MOST]; 3],
 ) {
     let count = w.len();
     let free = &free[..count];
@@ -421,20 +419,6 @@ fn finish<R: Real>(
     let [f0, f1, f2] = force.each_ref().map(|plane| &plane[from..][..count]);
     for i in 0..count {
         w[i] = [f0[i], f1[i], f2[i], R::zero()];
-    }
-}
-
-/// Adds `a b` to sums of every [`SUMS`]th product each, which lanes have side by side.
-#[inline(always)]
-fn add_products<R: Real>(a: &[R], b: &[R], sums: &mut [R; SUMS]) {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<SUMS>(), b.as_chunks::<SUMS>());
-    for (a, b) in a.iter().zip(b) {
-        for n in 0..SUMS {
-            sums[n] += a[n] * b[n];
-        }
-    }
-    for (sum, (a, b)) in sums.iter_mut().zip(a_rest.iter().zip(b_rest)) {
-        *sum += *a * *b;
     }
 }
 

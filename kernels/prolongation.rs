@@ -3,7 +3,7 @@
 //! Units: m.
 
 use super::{Params, Source};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -18,20 +18,31 @@ pub fn prolongation<R: Real>(
     coarse_z: &[V4<R>], // [coarse node] m
     z: &mut [V4<R>],    // [node] m
 ) {
-    let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
+    let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
+    let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
     let quarter = R::of(0.25);
-    let one_node = |i: usize, out: &mut V4<R>| {
-        let Some([x, y, level]) = params.grid_coordinates(split, i) else {
-            return;
-        };
-        let first = x / 2 + nodes_x * (y / 2 + nodes_y * level);
-        // the same node twice where the fine node coincides with it
-        let (step_x, step_y) = (x % 2, y % 2 * nodes_x);
-        let sum = V3::from4(coarse_z[first])
-            + V3::from4(coarse_z[first + step_x])
-            + V3::from4(coarse_z[first + step_y])
-            + V3::from4(coarse_z[first + step_x + step_y]);
-        *out = (V3::from4(*out) + (sum * quarter).times(V3::from4(free[i]))).pad(R::zero());
+    let add = |out: &mut V4<R>, free: &V4<R>, [a, b, c, d]: [&V4<R>; 4]| {
+        let sum: V4<R> = std::array::from_fn(|n| out[n] + (a[n] + b[n] + c[n] + d[n]) * quarter * free[n]);
+        *out = [sum[0], sum[1], sum[2], R::zero()];
     };
-    z.par_iter_mut().enumerate().with_min_len(super::PARALLEL).for_each(|(i, out)| one_node(i, out));
+    // the same coarse node twice where the fine node coincides with it
+    let (of_grid, duplicates) = z.split_at_mut(params.grid_nodes());
+    let one_row = |(row, out): (usize, &mut [V4<R>])| {
+        let (y, level) = (row % nodes_y, row / nodes_y);
+        let first = coarse_x * (y / 2 + coarse_y * level);
+        let (low, high) = (&coarse_z[first..], &coarse_z[first + y % 2 * coarse_x..]);
+        let free = &free[row * nodes_x..][..nodes_x];
+        for (x, (out, free)) in out.iter_mut().zip(free).enumerate() {
+            let (left, right) = (x / 2, x / 2 + x % 2);
+            add(out, free, [&low[left], &low[right], &high[left], &high[right]]);
+        }
+    };
+    let rows = of_grid.par_chunks_exact_mut(nodes_x).enumerate();
+    rows.with_min_len(super::PARALLEL.div_ceil(nodes_x)).for_each(one_row);
+    for (i, out) in (params.grid_nodes()..).zip(duplicates) {
+        let Some([x, y, level]) = params.grid_coordinates(split, i) else { continue };
+        let first = x / 2 + coarse_x * (y / 2 + coarse_y * level);
+        let (step_x, step_y) = (x % 2, y % 2 * coarse_x);
+        add(out, &free[i], [0, step_x, step_y, step_x + step_y].map(|step| &coarse_z[first + step]));
+    }
 }

@@ -5,9 +5,9 @@
 //! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 
-use super::columns::{Components, Ends, solve_columns};
+use super::columns::{Components, Ends, from_nodes, solve_columns};
 use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -64,12 +64,10 @@ impl<R: Real> Ends<R> for Relaxed<'_, R> {
     #[inline(always)]
     fn load(&mut self, level: usize, w: &[V4<R>], load: &mut Components<R>) {
         let r = &self.r[level * self.params.columns()..][..w.len()];
-        for n in 0..3 {
-            if self.params.fresh == 1 {
-                load[n].iter_mut().zip(r).for_each(|(load, r)| *load = r[n]);
-            } else {
-                load[n].iter_mut().zip(r).zip(w).for_each(|((load, r), w)| *load = r[n] - w[n]);
-            }
+        if self.params.fresh == 1 {
+            from_nodes(r.len(), |c, n| r[c][n], load);
+        } else {
+            from_nodes(r.len(), |c, n| r[c][n] - w[c][n], load);
         }
     }
 
@@ -77,17 +75,25 @@ impl<R: Real> Ends<R> for Relaxed<'_, R> {
     fn take(&mut self, level: usize, _: &mut [V4<R>], solution: &Components<R>) {
         let (keep, gain) = (self.params.keep, self.params.gain);
         let (d, z) = (&mut *self.d[level], &mut *self.z[level]);
-        let r = &self.r[level * self.params.columns()..][..z.len()];
-        for c in 0..z.len().min(PART) {
-            let mut change = V3::new(solution[0][c], solution[1][c], solution[2][c]) * gain;
-            let mut sum = change;
-            if self.params.fresh != 1 {
-                change += V3::from4(d[c]) * keep;
-                sum = V3::from4(z[c]) + change;
+        let count = z.len().min(PART);
+        let r = &self.r[level * self.params.columns()..][..count];
+        let (d, z, gamma) = (&mut d[..count], &mut z[..count], &mut self.gamma[..count]);
+        let [x, y, up] = solution.each_ref().map(|plane| &plane[..count]);
+        if self.params.fresh == 1 {
+            for c in 0..count {
+                d[c] = [x[c] * gain, y[c] * gain, up[c] * gain, R::zero()];
+                z[c] = d[c];
             }
-            d[c] = change.pad(R::zero());
-            z[c] = sum.pad(R::zero());
-            self.gamma[c] += V3::from4(r[c]).dot(sum);
+        } else {
+            for c in 0..count {
+                let [before, sum] = [d[c], z[c]];
+                let change = [x[c] * gain + before[0] * keep, y[c] * gain + before[1] * keep, up[c] * gain + before[2] * keep];
+                d[c] = [change[0], change[1], change[2], R::zero()];
+                z[c] = [sum[0] + change[0], sum[1] + change[1], sum[2] + change[2], R::zero()];
+            }
+        }
+        for c in 0..count {
+            gamma[c] += r[c][0] * z[c][0] + r[c][1] * z[c][1] + r[c][2] * z[c][2];
         }
     }
 }

@@ -4,7 +4,7 @@
 //! duplicates of a node share its unknown on the coarser level: a cut changes nothing there. `F` is the DOF mask. Units: N.
 
 use super::{Params, Source};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -20,26 +20,40 @@ pub fn restriction<R: Real>(
     w: &[V4<R>],            // [node] N
     coarse_r: &mut [V4<R>], // [coarse node] N
 ) {
-    let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
-    let one_node = |i: usize, out: &mut V4<R>| {
-        let at = [2 * (i % nodes_x), 2 * (i / nodes_x % nodes_y), i / (nodes_x * nodes_y)];
-        let mut sum = V3::zero();
-        for dy in 0..3 {
-            for dx in 0..3 {
-                let (x, y) = (at[0] + dx, at[1] + dy);
-                if x < 1 || y < 1 || x > params.nodes_x as usize || y > params.nodes_y as usize {
-                    continue;
-                }
-                let weight = R::of([0.5, 1.0, 0.5][dx] * [0.5, 1.0, 0.5][dy]);
-                let node = params.node_id([x - 1, y - 1, at[2]]);
-                sum += (V3::from4(r[node]) - V3::from4(w[node])) * weight;
-                for e in params.extra_columns_beside(split, node % params.columns()) {
-                    let copy = params.copy_id(e, at[2]);
-                    sum += (V3::from4(r[copy]) - V3::from4(w[copy])) * weight;
+    let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
+    let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
+    let halves = [0.5, 1.0, 0.5].map(R::of); // share of the fine nodes before, at and behind a coarse one
+    let has_duplicates = params.extra_columns > 0;
+    let one_row = |(row, out): (usize, &mut [V4<R>])| {
+        let (y, level) = (2 * (row % coarse_y), row / coarse_y);
+        // fine nodes around each coarse one, row by row
+        for (i, out) in out.iter_mut().enumerate() {
+            let mut sum = [R::zero(); 4];
+            for (y, of_row) in (y.saturating_sub(1)..nodes_y.min(y + 2)).map(|at| (at, halves[at + 1 - y])) {
+                let first = nodes_x * (y + nodes_y * level);
+                for x in (2 * i).saturating_sub(1)..nodes_x.min(2 * i + 2) {
+                    let (node, weight) = (first + x, of_row * halves[x + 1 - 2 * i]);
+                    add(&mut sum, &r[node], &w[node], weight);
+                    if has_duplicates {
+                        for e in params.extra_columns_beside(split, nodes_x * y + x) {
+                            let copy = params.copy_id(e, level);
+                            add(&mut sum, &r[copy], &w[copy], weight);
+                        }
+                    }
                 }
             }
+            let free = &coarse_free[row * coarse_x + i];
+            *out = [sum[0] * free[0], sum[1] * free[1], sum[2] * free[2], R::zero()];
         }
-        *out = sum.times(V3::from4(coarse_free[i])).pad(R::zero());
     };
-    coarse_r.par_iter_mut().enumerate().with_min_len(super::PARALLEL).for_each(|(i, out)| one_node(i, out));
+    let rows = coarse_r.par_chunks_exact_mut(coarse_x).enumerate();
+    rows.with_min_len(super::PARALLEL.div_ceil(coarse_x)).for_each(one_row);
+}
+
+/// `sum += (r − w) weight`
+#[inline(always)]
+fn add<R: Real>(sum: &mut V4<R>, r: &V4<R>, w: &V4<R>, weight: R) {
+    for n in 0..4 {
+        sum[n] += (r[n] - w[n]) * weight;
+    }
 }

@@ -3,7 +3,7 @@
 //!
 //! Units: u m, rotation unit quaternion (0 for a removed cell, which stays 0).
 
-use super::polar::polar;
+use super::polar::polars;
 use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4};
 
@@ -20,25 +20,22 @@ pub fn rotations<R: Real>(
     u: &[V4<R>],            // [node] m
     rotation: &mut [V4<R>], // [cell] quaternion
 ) {
-    for (cell, q) in rotation.iter_mut().enumerate().take(params.cell_count as usize) {
-        *q = rotate_cell(params, shape, layer_of, split, u, cell, *q);
-    }
+    rotate_cells(params, shape, layer_of, split, u, 0, &mut rotation[..params.cell_count as usize]);
 }
 
-/// One cell of [`rotations`].
-pub fn rotate_cell<R: Real>(
+/// Cells from `first` on of [`rotations`].
+pub fn rotate_cells<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],
     layer_of: &[u32],
     split: &[u32],
     u: &[V4<R>],
-    cell: usize,
-    q: V4<R>,
-) -> V4<R> {
-    if q == [R::zero(); 4] {
-        return q;
-    }
-    polar(mean_gradient(params, shape, layer_of, split, u, cell), q)
+    first: usize,
+    rotation: &mut [V4<R>],
+) {
+    let cells = first..first + rotation.len();
+    let gradients: Vec<M3<R>> = cells.map(|cell| mean_gradient(params, shape, layer_of, split, u, cell)).collect();
+    polars(&gradients, rotation);
 }
 
 /// `F = I + Σ_a u_a ⊗ ∇N_a` of a cell, at its centre.

@@ -6,6 +6,7 @@
 
 use super::advance::Scalars;
 use super::{PARALLEL, Source};
+use crate::math::wide::{Lanes, Task, dot_product};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 
@@ -29,46 +30,53 @@ pub fn update<R: Real>(
         .enumerate()
         .map(|(n, (((x, p), s), r))| {
             let span = n * PARALLEL..n * PARALLEL + x.len();
-            update_part(scalars, &z[span.clone()], &w[span], x, p, s, r)
+            let (z, w) = (z[span.clone()].as_flattened(), w[span].as_flattened());
+            let [x, p, s, r] = [x, p, s, r].map(<[V4<R>]>::as_flattened_mut);
+            R::widest(Updated { scalars, z, w, x, p, s, r })
         })
         .collect();
     sums.into_iter().sum()
 }
 
-fn update_part<R: Real>(
-    scalars: &Scalars<R>,
-    z: &[V4<R>],
-    w: &[V4<R>],
-    x: &mut [V4<R>],
-    p: &mut [V4<R>],
-    s: &mut [V4<R>],
-    r: &mut [V4<R>],
-) -> R {
-    let (alpha, beta) = (scalars.alpha, scalars.beta);
-    let mut residual = R::zero();
-    if scalars.state == R::one() {
-        for i in 0..z.len() {
-            x[i] = z[i];
-            for n in 0..3 {
-                r[i][n] -= w[i][n];
-                residual += r[i][n] * r[i][n];
+/// Nodes of one thread, as numbers.
+struct Updated<'a, R> {
+    scalars: &'a Scalars<R>,
+    z: &'a [R],
+    w: &'a [R],
+    x: &'a mut [R],
+    p: &'a mut [R],
+    s: &'a mut [R],
+    r: &'a mut [R],
+}
+
+impl<R: Real> Task<R> for Updated<'_, R> {
+    type Output = R;
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, _: L) -> R {
+        let Updated { scalars: Scalars { state, alpha, beta, .. }, z, w, x, p, s, r } = self;
+        let count = z.len();
+        let (w, x, p, s, r) = (&w[..count], &mut x[..count], &mut p[..count], &mut s[..count], &mut r[..count]);
+        if *state == R::one() {
+            x.copy_from_slice(z);
+            for i in 0..count {
+                r[i] -= w[i];
+            }
+        } else {
+            if *beta == R::zero() {
+                p.copy_from_slice(z);
+                s.copy_from_slice(w);
+            } else {
+                for i in 0..count {
+                    p[i] = z[i] + *beta * p[i];
+                    s[i] = w[i] + *beta * s[i];
+                }
+            }
+            for i in 0..count {
+                x[i] += *alpha * p[i];
+                r[i] -= *alpha * s[i];
             }
         }
-        return residual;
+        dot_product(r, r)
     }
-    for i in 0..z.len() {
-        for n in 0..3 {
-            let (mut pn, mut sn) = (z[i][n], w[i][n]);
-            if beta != R::zero() {
-                pn += beta * p[i][n];
-                sn += beta * s[i][n];
-            }
-            p[i][n] = pn;
-            s[i][n] = sn;
-            x[i][n] += alpha * pn;
-            r[i][n] -= alpha * sn;
-            residual += r[i][n] * r[i][n];
-        }
-    }
-    residual
 }

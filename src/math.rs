@@ -426,7 +426,8 @@ pub fn rotation_minus_identity<R: Real>(q: V4<R>) -> M3<R> {
 }
 
 /// Product of two quaternions (x, y, z, w).
-pub fn quaternion_product<R: Real>(a: V4<R>, b: V4<R>) -> V4<R> {
+#[inline(always)]
+pub fn quaternion_product<N: Number>(a: V4<N>, b: V4<N>) -> V4<N> {
     let (u, v) = (V3::from4(a), V3::from4(b));
     (v * a[3] + u * b[3] + u.cross(v)).pad(a[3] * b[3] - u.dot(v))
 }

@@ -435,6 +435,33 @@ wide!(
     select_f64s
 );
 
+/// `a·b` by [`MOST`] sums that each take every so many products, which registers of any width have side by side: one chain of additions
+/// takes four times as long.
+#[inline(always)]
+pub fn dot_product<R: Real>(a: &[R], b: &[R]) -> R {
+    let mut sums = [R::zero(); MOST];
+    add_products(a, b, &mut sums);
+    let mut sum = R::zero();
+    for n in 0..MOST {
+        sum += sums[n];
+    }
+    sum
+}
+
+/// Adds the products of two slices to the sums of [`dot_product`].
+#[inline(always)]
+pub fn add_products<R: Real>(a: &[R], b: &[R], sums: &mut [R; MOST]) {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<MOST>(), b.as_chunks::<MOST>());
+    for k in 0..a.len().min(b.len()) {
+        for n in 0..MOST {
+            sums[n] += a[k][n] * b[k][n];
+        }
+    }
+    for n in 0..a_rest.len().min(b_rest.len()) {
+        sums[n] += a_rest[n] * b_rest[n];
+    }
+}
+
 /// `a·b`
 #[inline(always)]
 pub fn dot<R: Real, L: Lanes<R>>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {

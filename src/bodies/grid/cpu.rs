@@ -174,8 +174,9 @@ impl<R: Real> System<R> for Hexahedra<R> {
         let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, frames, split, law, tangents, .. } = self;
         // rotations at the start of the step
         if params.corotational != 0 {
-            rotation[..params.cell_count as usize].par_iter_mut().enumerate().for_each(|(cell, q)| {
-                *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
+            let chunks = rotation[..params.cell_count as usize].par_chunks_mut(PARALLEL / 32).enumerate();
+            chunks.for_each(|(chunk, own)| {
+                rotations::rotate_cells(params, shape, layer_of, split, u, chunk * (PARALLEL / 32), own);
             });
         }
         // hyperelastic forces
