@@ -87,7 +87,8 @@ impl<R: Real> Ends<R> for Relaxed<'_, R> {
         } else {
             for c in 0..count {
                 let [before, sum] = [d[c], z[c]];
-                let change = [x[c] * gain + before[0] * keep, y[c] * gain + before[1] * keep, up[c] * gain + before[2] * keep];
+                let change =
+                    [x[c] * gain + before[0] * keep, y[c] * gain + before[1] * keep, up[c] * gain + before[2] * keep];
                 d[c] = [change[0], change[1], change[2], R::zero()];
                 z[c] = [sum[0] + change[0], sum[1] + change[1], sum[2] + change[2], R::zero()];
             }

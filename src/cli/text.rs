@@ -67,8 +67,16 @@ fn ticks(r: &Report) -> String {
     let h = &r.haptic;
     let Some(missed) = h.missed else { return String::new() };
     let us = |value: Option<f64>| value.map_or("no".into(), |v| format!("{v:.0}"));
+    let shortened = match h.shortened_steps.unwrap_or(0) {
+        0 => String::new(),
+        steps => format!(
+            ", {steps} ended in time before their contact forces had converged (at most {:.1} mN and {:.1} µm left)",
+            h.shortened_n_max.unwrap_or(f64::NAN) * 1e3,
+            h.shortened_mm_max.unwrap_or(f64::NAN) * 1e3
+        ),
+    };
     format!(
-        "haptic loop at {} Hz: 99 of 100 periods within {} µs and ticks within {} µs, {missed} deadlines missed; {} of {} steps late, \
+        "haptic loop at {} Hz: 99 of 100 periods within {} µs and ticks within {} µs, {missed} deadlines missed; {} of {} steps late{shortened}, \
          {:.1} % of the ticks with an old problem; largest force {:.3} N, change in a tick {:.3} N\n",
         h.rate_hz,
         us(h.period_us.p99),

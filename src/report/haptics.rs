@@ -152,6 +152,9 @@ fn timed(r: &mut HapticReport, timing: &Timing, counted: &HapticCounts) {
     r.device_faults = Some(timing.faults);
     r.late_steps = Some(counted.late_steps);
     r.behind_ms = Some(counted.behind * 1e3);
+    r.shortened_steps = Some(counted.shortened.steps);
+    r.shortened_n_max = Some(counted.shortened.residual_n);
+    r.shortened_mm_max = Some(counted.shortened.residual_m * 1e3);
 }
 
 /// An open recording of a device: `hand_TOOL.csv`, written during the run; a killed run leaves it up to the last flush.

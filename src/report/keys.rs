@@ -241,6 +241,12 @@ pub struct HapticReport {
     pub late_steps: Option<u64>,
     /// Time by which the scene fell behind the wall clock because of them, ms.
     pub behind_ms: Option<f64>,
+    /// Steps that were due before their contact forces had converged, and ended with what they had.
+    pub shortened_steps: Option<u64>,
+    /// Largest change of a force by one more projection at the end of one, N.
+    pub shortened_n_max: Option<f64>,
+    /// Largest penetration, or slip of sticking contacts, at the end of one, mm.
+    pub shortened_mm_max: Option<f64>,
     /// Share of the ticks whose contact problem was older than two steps: than it gets when no step takes longer than its time.
     pub old_share: f64,
     /// Largest number of Gauss–Seidel sweeps in a tick.

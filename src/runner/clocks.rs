@@ -10,13 +10,13 @@
 //! the last step's start, so that no motion is lost. At its end its contact problems go to the servos, with the time of the hand poses that
 //! they are based on.
 
-use super::{Channel, HapticCounts, OnTick, RING, Refused};
+use super::{Channel, HapticCounts, OnTick, RING, Refused, Shortened};
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::haptic::servo::{BUDGET, Counts, Felt, Problem, Record, Servo, Settings, SimulationEnd, cells};
 use crate::haptic::thread::{Loop, Timing};
 use crate::scene::Scene;
-use crate::step::{self, Simulation};
+use crate::step::{self, Simulation, StepReport};
 use rtrb::{Consumer, RingBuffer};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -99,6 +99,7 @@ impl SceneClock {
             timing: None,
             late_steps: 0,
             behind: 0.0,
+            shortened: Shortened::default(),
         })
     }
 
@@ -160,6 +161,7 @@ pub(super) struct WallClock {
     late_steps: u64,
     /// Time by which the scene fell behind the wall clock, s.
     behind: f64,
+    shortened: Shortened,
     /// Time of the last reading of the hands, s.
     seen: f64,
     /// Total time of pauses, s, and the start of the present one.
@@ -191,6 +193,7 @@ impl WallClock {
             rate: scene.haptic.rate,
             late_steps: 0,
             behind: 0.0,
+            shortened: Shortened::default(),
             seen: 0.0,
             paused: 0.0,
             pausing: None,
@@ -232,9 +235,12 @@ impl WallClock {
         self.seen = self.start.elapsed().as_secs_f64();
         let late = self.seen - due;
         if late > 1.0 / self.rate {
-            self.late_steps += 1;
+            // the first step begins when the threads have started
+            self.late_steps += u64::from(begin > 0.0);
             self.behind += late;
         }
+        let done = Duration::from_secs_f64((end + self.paused + self.behind).max(0.0));
+        simulation.due(Some(self.start + done));
         for (thread, tool) in self.threads.iter_mut().zip(&mut simulation.tools) {
             let felt = thread.cells.felt.read();
             tool.follow((felt.hand.position, felt.hand.rotation), begin, end);
@@ -243,7 +249,8 @@ impl WallClock {
     }
 
     /// Hands the step's contact problems over and passes on the servos' records.
-    pub fn after_step(&mut self, simulation: &Simulation, on_tick: OnTick) -> Result<()> {
+    pub fn after_step(&mut self, simulation: &Simulation, report: &StepReport, on_tick: OnTick) -> Result<()> {
+        self.shortened.count(&report.contact);
         for (thread, reduced) in self.threads.iter_mut().zip(&simulation.reduced) {
             thread.cells.publish(reduced, self.seen, simulation.epoch());
         }
@@ -282,7 +289,8 @@ impl WallClock {
             Some((timing, counts)) => (Some(timing.clone()), counts.clone()),
             None => (None, self.threads.iter_mut().map(|thread| thread.cells.felt.read().counts).collect()),
         };
-        HapticCounts { rate: self.rate, servos, timing, late_steps: self.late_steps, behind: self.behind }
+        let (late_steps, behind, shortened) = (self.late_steps, self.behind, self.shortened);
+        HapticCounts { rate: self.rate, servos, timing, late_steps, behind, shortened }
     }
 }
 

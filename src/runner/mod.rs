@@ -12,8 +12,9 @@ use crate::haptic::device::{Device, Limits, Workspace};
 use crate::haptic::devices::{Recorder, Row, open};
 use crate::haptic::servo::{Counts, Record, Servo, Settings};
 use crate::haptic::thread::Timing;
+use crate::math::larger;
 use crate::scene::{DeviceKind, Scene, device_of};
-use crate::step::{self, Simulation, StepReport};
+use crate::step::{self, ContactReport, Simulation, StepReport};
 use clocks::{SceneClock, WallClock};
 use rtrb::Consumer;
 use serde::{Deserialize, Serialize};
@@ -60,6 +61,29 @@ pub struct HapticCounts {
     pub late_steps: u64,
     /// Time by which the scene fell behind the wall clock for that, s.
     pub behind: f64,
+    /// Steps that ended in time at the cost of their contact forces.
+    pub shortened: Shortened,
+}
+
+/// Steps by the wall clock that were due before their contact forces had converged ([`Simulation::due`]).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shortened {
+    /// Number.
+    pub steps: u64,
+    /// Largest change of a force by one more projection at the end of one, N.
+    pub residual_n: f64,
+    /// Largest violation of complementarity at the end of one, m.
+    pub residual_m: f64,
+}
+
+impl Shortened {
+    fn count(&mut self, contact: &ContactReport) {
+        if contact.shortened {
+            self.steps += 1;
+            self.residual_n = larger(self.residual_n, contact.residual_n);
+            self.residual_m = larger(self.residual_m, contact.residual_m);
+        }
+    }
 }
 
 /// See the module.
@@ -193,7 +217,7 @@ impl Runner {
         let took = started.elapsed();
         self.steps += 1;
         if let Hands::Wall(clock) = &mut self.hands {
-            clock.after_step(&self.simulation, on_tick)?;
+            clock.after_step(&self.simulation, &report, on_tick)?;
         }
         Ok(Step { report, took })
     }

@@ -5,6 +5,7 @@ mod points;
 
 pub use points::{ContactPoint, PointKind};
 
+use super::body::{MOST_AT_ONCE, Solving};
 use super::rows::Rows;
 use super::{Body, Part, Simulation, StepReport};
 use crate::bodies::rigid::UnconstrainedMotion;
@@ -36,6 +37,8 @@ pub struct ContactReport {
     pub residual_n: f64,
     /// Largest violation of complementarity after the correction: penetration, slip of a sticking contact, m.
     pub residual_m: f64,
+    /// The step was due ([`Simulation::due`]) before its passes had converged, and what they leave can be felt.
+    pub shortened: bool,
     /// Compliance columns solved.
     pub columns: u32,
     /// Most iterations of any batch of them.
@@ -182,8 +185,7 @@ impl Simulation {
         };
         let mut nodes = vec![];
         let (mut ended, mut picked, mut blocks) = (vec![], vec![], vec![]);
-        // attachments are there from the first step on
-        let all = self.step_number == 1;
+        let solving = self.solving(&law);
         // per body: unconstrained motion, read at the nodes of the rows; their compliance
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let own = rows.nodes(number);
@@ -192,7 +194,7 @@ impl Simulation {
             body.reset_correction()?;
             ended.push(outcome);
             picked.push(values);
-            blocks.push(body.prepare_compliance(&law, &own, all, report)?);
+            blocks.push(body.prepare_compliance(&law, &own, solving, report)?);
             nodes.push(own);
         }
         let laws = contacts.iter().map(|c| c.law).collect();
@@ -219,6 +221,12 @@ impl Simulation {
         problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
         report.costs.spend(Part::Laws, clock);
         Ok((problem, ended))
+    }
+
+    /// Attachments are there from the first step on; a step by the wall clock has time for fewer columns.
+    fn solving(&self, law: &scene::Contact) -> Solving {
+        let at_once = if self.due.is_some() { 1 } else { MOST_AT_ONCE };
+        Solving { tolerance: law.column_tolerance, at_once, all: self.step_number == 1 }
     }
 
     /// `W` of the bodies' present compliance.

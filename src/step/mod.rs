@@ -67,7 +67,7 @@ use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -165,6 +165,7 @@ impl StepReport {
         new.residual = larger(old.residual, new.residual);
         new.candidates = new.candidates.max(old.candidates);
         new.depth = larger(old.depth, new.depth);
+        new.shortened |= old.shortened;
         new.residual_n = larger(old.residual_n, new.residual_n);
         new.residual_m = larger(old.residual_m, new.residual_m);
         for (name, count) in before.warnings {
@@ -182,6 +183,11 @@ const MOST_STATIC: u32 = 1000;
 const IDLE_STATIC: u32 = 200;
 /// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
 const NEARER: f64 = 0.99;
+
+/// Of [`Simulation::usual`]: what follows the passes.
+const AFTER: usize = 0;
+/// Of [`Simulation::usual`]: a batch of columns.
+const BATCH: usize = 1;
 
 /// A running scene.
 pub struct Simulation {
@@ -211,6 +217,10 @@ pub struct Simulation {
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     interrupt: Arc<AtomicBool>,
+    /// Time at which the present step should be done; none by the scene's clock.
+    due: Option<Instant>,
+    /// What a step takes after its passes, and a batch of columns.
+    usual: [Duration; 2],
     /// Work and dissipation so far.
     booked: Booked,
     /// The measure of least unexplained energy.
@@ -268,6 +278,8 @@ impl Simulation {
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             interrupt: Arc::default(),
+            due: None,
+            usual: [Duration::ZERO; 2],
             booked: Booked::default(),
             least: None,
             step_number: 0,
@@ -326,6 +338,18 @@ impl Simulation {
     pub fn interrupt_by(&mut self, flag: &Arc<AtomicBool>) {
         self.interrupt = flag.clone();
         self.bodies.iter_mut().for_each(|body| body.backend.interrupt_by(flag.clone()));
+    }
+
+    /// Time at which the next step should be done: its contact forces are then solved for by fewer passes if need be, at least one, and by
+    /// columns that it has. What they leave is in the report, and the next step starts from it. Static steps take their time.
+    pub fn due(&mut self, at: Option<Instant>) {
+        self.due = at;
+    }
+
+    /// Whether the step would be late with what takes so long more.
+    fn would_be_late(&self, more: Duration) -> bool {
+        let due = self.due.filter(|_| self.step_size().is_finite());
+        due.is_some_and(|due| Instant::now() + more + self.usual[AFTER] > due)
     }
 
     /// Totals over all wounds.
@@ -454,6 +478,7 @@ impl Simulation {
             solved = self.solve_again(&old, &free, &mut report)?;
         }
         let Resolved { free: mut ended, forces, contact_forces } = solved;
+        let after = Instant::now();
         self.last_forces = contact_forces;
         // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);
@@ -493,6 +518,7 @@ impl Simulation {
         self.read_probes(begin, forces.as_deref(), &mut report)?;
         self.probes_are_finite(&report)?;
         report.costs.close(start);
+        self.usual[AFTER] = after.elapsed().max(self.usual[AFTER] * 7 / 8);
         Ok((report, forces))
     }
 

@@ -47,7 +47,8 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.p99_9 haptic.period_us.max \
     haptic.tick_us.p50 haptic.tick_us.p99 haptic.tick_us.p99_9 haptic.tick_us.max haptic.coupling_age_ms.p50 haptic.coupling_age_ms.p99 \
-    haptic.coupling_age_ms.p99_9 haptic.coupling_age_ms.max haptic.missed haptic.records_lost haptic.device_faults haptic.late_steps haptic.behind_ms haptic.old_share haptic.sweeps_max \
+    haptic.coupling_age_ms.p99_9 haptic.coupling_age_ms.max haptic.missed haptic.records_lost haptic.device_faults haptic.late_steps haptic.behind_ms haptic.shortened_steps haptic.shortened_n_max \
+    haptic.shortened_mm_max haptic.old_share haptic.sweeps_max \
     haptic.out_of_time haptic.unsound haptic.non_finite haptic.late_ticks haptic.stale_ticks haptic.clamped haptic.fades haptic.stops \
     haptic.force_n_max haptic.force_jump_n_max haptic.cut_jump_n haptic.energy_out_j haptic.energy_uncontrolled_j haptic.energy_damped_j \
     cut.hexes_removed cut.removed_mm3 cut.tets_removed cut.springs_removed cut.links_severed cut.links_held cut.node_copies cut.pieces cut.nonmanifold_edges \
@@ -193,6 +194,9 @@ fn a_run_by_the_wall_clock_says_what_the_clock_has_shown() -> Outcome {
         "/device_faults",
         "/late_steps",
         "/behind_ms",
+        "/shortened_steps",
+        "/shortened_n_max",
+        "/shortened_mm_max",
     ] {
         ensure!(haptic.pointer(key).is_some_and(Value::is_number), "{key}: {haptic}");
     }

@@ -4,6 +4,7 @@ use cutis::scene::{Correction, Cut, Element, Law, Material, Pose, Scene};
 use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
+use std::time::Instant;
 
 /// Gap that comes to the force of a press in the hand's spring, m; a pass may leave the tolerance's share of it.
 const PRESS: f64 = 1e-4;
@@ -51,6 +52,40 @@ fn a_light_press_dents_and_does_not_cut() {
     let (simulation, report) = run(&pressed(1e-4), 40);
     assert_eq!(simulation.totals().links, 0);
     assert!(force(&report).z > 1e-3, "the skin pushes back: {}", force(&report));
+}
+
+/// A step that is due ends after its first pass, says what that leaves, and the next one makes it good: neither forces nor the wound stray.
+#[test]
+fn steps_that_are_due_end_after_one_pass_and_stay_near() {
+    let scene = incision();
+    let run = |due: bool, steps: u32| {
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
+        let (mut most_passes, mut peak, mut shortened) = (0, 0.0f64, vec![]);
+        for _ in 0..steps {
+            simulation.due(due.then(Instant::now));
+            let report = simulation.step(false).expect("the CPU path has no device to fail");
+            assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+            most_passes = most_passes.max(report.contact.passes);
+            peak = peak.max(force(&report).length());
+            shortened
+                .extend(report.contact.shortened.then_some([report.contact.residual_n, report.contact.residual_m]));
+        }
+        (simulation, most_passes, peak, shortened)
+    };
+    let steps = 170;
+    let (free, passes, peak, shortened) = run(false, steps);
+    assert!(passes > 2 && shortened.is_empty(), "the counter-test: {passes} passes, {shortened:?}");
+    let (mut due, passes, peak_due, shortened) = run(true, steps);
+    assert_eq!(passes, 1);
+    assert!(shortened.len() > 20, "{}", shortened.len());
+    assert!(shortened.iter().all(|left| left[0] > 1e-5 || left[1] > 1e-8), "not to be felt: {shortened:?}");
+    assert!((peak_due / peak - 1.0).abs() < 0.1, "{peak_due} N for {peak}");
+    let [links, links_due] = [&free, &due].map(|simulation| simulation.totals().links as f64);
+    assert!((links_due / links - 1.0).abs() < 0.15, "{links_due} links for {links}");
+    // with time again, and a hand that has left or rests, the forces are those of the laws
+    due.due(None);
+    let report = due.step(false).expect("the CPU path has no device to fail");
+    assert!(!report.contact.shortened && report.contact.residual_n < 3e-3, "{:?}", report.contact.residual_n);
 }
 
 #[test]

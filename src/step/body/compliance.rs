@@ -35,6 +35,8 @@ use std::time::Instant;
 
 /// Columns solved at once: three axes of two nodes. Each further one costs every node of the body 112 bytes on the device.
 pub const COLUMNS: usize = 6;
+/// Most nodes whose columns are solved at once.
+pub const MOST_AT_ONCE: usize = COLUMNS / 3;
 /// Number of steps for which a node's columns are kept after its last contact: contacts flicker between triangles.
 const KEPT: u32 = 20;
 
@@ -50,6 +52,17 @@ const BEYOND: u32 = 3;
 /// passes (from 0.0003 to 0.003 they do not). Passes, mean and most, with 0.001, 0.003, 0.01: incision.toml 1.90, 1.87, 1.87 and 5, 6, 6, pad.toml
 /// 2.60, 2.45, 2.73 and 7, incision_shapes.toml 2.25, 2.18, 2.21 and 14, 9, 10.
 const LEAST: f64 = 0.003;
+
+/// How the columns of a step are solved.
+#[derive(Clone, Copy, Debug)]
+pub struct Solving {
+    /// Residual relative to one newton.
+    pub tolerance: f64,
+    /// Nodes of a batch, at most [`MOST_AT_ONCE`].
+    pub at_once: usize,
+    /// All that are missing, not only a first batch that others borrow from.
+    pub all: bool,
+}
 
 /// Most nodes that are kept, for a scene's number of contacts of four nodes each; beyond it the longest unused are dropped.
 pub fn most_nodes(max_contacts: u32) -> usize {
@@ -98,8 +111,8 @@ struct Known {
 }
 
 impl Compliance {
-    /// Provides the columns of these nodes (sorted) of a body, which are solved to `tolerance` times one newton if `all` are asked for, or
-    /// borrowed; one batch is solved where none can lend. Keeps at most `most` nodes.
+    /// Provides the columns of these nodes (sorted) of a body, which are solved if all are asked for, or borrowed; one batch is solved where
+    /// none can lend. Keeps at most `most` nodes.
     ///
     /// # Errors
     /// When the device fails.
@@ -107,7 +120,7 @@ impl Compliance {
         &mut self,
         backend: &mut dyn Backend,
         (nodes, places): (&[u32], Places),
-        (tolerance, all): (f64, bool),
+        solving: Solving,
         most: usize,
         report: &mut StepReport,
     ) -> Result<()> {
@@ -134,12 +147,12 @@ impl Compliance {
         let mut missing: Vec<(bool, u32)> = missing.map(|(node, k)| (k.used != step, *node)).collect();
         missing.sort_unstable();
         let missing: Vec<u32> = missing.into_iter().map(|(_, node)| node).collect();
-        let batches = match all {
+        let batches = match solving.all {
             true => usize::MAX,
             false => usize::from(self.lenders().next().is_none()),
         };
-        for pair in missing.chunks(COLUMNS / 3).take(batches) {
-            self.solve(backend, places, pair, tolerance, report)?;
+        for batch in missing.chunks(solving.at_once).take(batches) {
+            self.solve(backend, places, batch, solving.tolerance, report)?;
         }
         self.borrow(places);
         Ok(())
@@ -150,20 +163,20 @@ impl Compliance {
         &mut self,
         backend: &mut dyn Backend,
         places: Places,
-        pair: &[u32],
+        batch: &[u32],
         tolerance: f64,
         report: &mut StepReport,
     ) -> Result<()> {
         let clock = Instant::now();
-        let around = pair.iter().flat_map(|node| nearest(places, *node));
+        let around = batch.iter().flat_map(|node| nearest(places, *node));
         let mut all: Vec<u32> = self.known.keys().copied().chain(around).collect();
         all.sort_unstable();
         all.dedup();
         let budget = self.usual.map_or(u32::MAX, |usual| BEYOND * usual);
         // one unit force per column
-        let slots: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * pair.len()).collect();
+        let slots: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * batch.len()).collect();
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
-        let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
+        let node = |slot: usize| batch[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
         let limit = |slot: usize| if places.is_loose(node(slot)) { u32::MAX } else { budget };
         let target = |slot: usize| {
@@ -189,7 +202,7 @@ impl Compliance {
             *report.warnings.entry("columns_not_converged").or_default() += 1;
         }
         // store the blocks
-        for (k, node) in pair.iter().enumerate() {
+        for (k, node) in batch.iter().enumerate() {
             for (b, other) in all.iter().enumerate() {
                 let column = |axis: usize| DVec3::from_array(picked[(3 * k + axis) * all.len() + b]);
                 self.set(*node, *other, DMat3::from_cols(column(0), column(1), column(2)));
@@ -271,7 +284,7 @@ impl Compliance {
         backend: &mut dyn Backend,
         places: Places,
         forces: &[(u32, [f64; 3])],
-        tolerance: f64,
+        solving: Solving,
         report: &mut StepReport,
     ) -> Result<bool> {
         let size = |node: u32| {
@@ -281,11 +294,11 @@ impl Compliance {
         let aged = self.known.iter().filter(|(_, k)| k.used == self.step && k.solved != self.step);
         let mut old: Vec<(u32, f64, u32)> = aged.map(|(node, k)| (k.solved, size(*node), *node)).collect();
         old.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
-        let old: Vec<u32> = old.into_iter().map(|(_, _, node)| node).take(COLUMNS / 3).collect();
+        let old: Vec<u32> = old.into_iter().map(|(_, _, node)| node).take(solving.at_once).collect();
         if old.is_empty() {
             return Ok(false);
         }
-        self.solve(backend, places, &old, tolerance, report)?;
+        self.solve(backend, places, &old, solving.tolerance, report)?;
         Ok(true)
     }
 
@@ -393,7 +406,8 @@ impl AtRest {
                 none.insert(Box::new(backend))
             }
         };
-        self.known.prepare(backend.as_mut(), (nodes, places), (EXACT, true), most, report)
+        let solving = Solving { tolerance: EXACT, at_once: MOST_AT_ONCE, all: true };
+        self.known.prepare(backend.as_mut(), (nodes, places), solving, most, report)
     }
 
     /// As [`Compliance::block`].
@@ -403,20 +417,19 @@ impl AtRest {
 }
 
 impl Body {
-    /// Provides the compliance of these nodes, by solved columns if `all` of them are asked for; returns the inverse blocks of `A` that the
-    /// uncoupled correction uses in its place.
+    /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses in its place.
     pub(in crate::step) fn prepare_compliance(
         &mut self,
         law: &scene::Contact,
         nodes: &[u32],
-        all: bool,
+        solving: Solving,
         report: &mut StepReport,
     ) -> Result<Vec<DMat3>> {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
                 let places = Places::of(&self.model, &self.wound, self.floats);
-                self.compliance.prepare(backend, (nodes, places), (law.column_tolerance, all), self.near, report)?;
+                self.compliance.prepare(backend, (nodes, places), solving, self.near, report)?;
             }
             Correction::Precomputed => {
                 self.at_rest.prepare(
