@@ -3,6 +3,7 @@
 //! `γ = r·z`, `δ = z·A z`; first `β = 0`, `α = γ/δ`; then `β = γ/γ_old`, `α = γ/(δ − β γ/α_old)`. A right-hand side is done when
 //! `|r|² ≤ target²`, with `target² = max(tolerance² reference², floor²)`; for the unconstrained motion the reference is the step's load, with
 //! prescribed paths at least the initial residual, which has what the paths drive.
+//! Source: Chronopoulos, Gear 1989 (one reduction per iteration).
 //! `done`: 0 running, 1 converged or idle, 2 breakdown (no positive curvature, or non-finite). `state`: 0 before the start, 1 computing the
 //! initial residual, 2 first iteration, 3 later.
 

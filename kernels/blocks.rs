@@ -160,6 +160,7 @@ pub fn blocks<R: Real>(
     let (grid, duplicates) = block.as_chunks_mut::<4>().0.split_at_mut(grid_nodes);
     let rows_at_once = (BAND / width).max(1);
     let [mut below, mut above] = [vec![], vec![]];
+    // bands of node rows
     for first in (0..=depth).step_by(rows_at_once) {
         let end = (first + rows_at_once).min(depth + 1);
         let cells = first.saturating_sub(1) * width..end.min(depth) * width; // of a level
@@ -167,6 +168,7 @@ pub fn blocks<R: Real>(
         above.resize(cells.len(), [M3::zero(); 12]);
         for level in 0..=height {
             std::mem::swap(&mut below, &mut above);
+            // blocks of the cells above these nodes
             if level < height {
                 let begin = level * width * depth + cells.start;
                 let some = |(chunk, out): (usize, &mut [OfCell<R>])| {
@@ -175,6 +177,7 @@ pub fn blocks<R: Real>(
                 };
                 above.par_chunks_mut(CHUNK).enumerate().with_min_len(PARALLEL / 8 / CHUNK).for_each(some);
             }
+            // sums of the cells around each node; of split cells those with this node at the corner
             let start = (level * (depth + 1) + first) * nodes;
             let one = |(n, out): (usize, &mut [V4<R>; 4])| {
                 let i = start + n;
@@ -202,6 +205,7 @@ pub fn blocks<R: Real>(
             band.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(one);
         }
     }
+    // duplicates, each from its own cells
     let one_duplicate = |(n, out): (usize, &mut [V4<R>; 4])| {
         let i = grid_nodes + n;
         let mut sums = [M3::zero(); 2];

@@ -40,7 +40,7 @@ pub fn columns<R: Real>(params: &Params<R>, tile: usize) -> [[usize; 2]; 2] {
 pub fn bounds<R: Real>(
     params: &Params<R>,
     u: &[V4<R>],               // [node] m
-    tile_bounds: &mut [V4<R>], // [tile × 2] least m and nodes that are nowhere; greatest m, 0
+    tile_bounds: &mut [V4<R>], // [tile × 2] least m, number of non-finite nodes; greatest m, 0
 ) {
     for (tile, pair) in tile_bounds.chunks_exact_mut(2).enumerate() {
         pair.copy_from_slice(&bounds_of_tile(params, u, tile));

@@ -1,7 +1,7 @@
 // Minimum and maximum displacement of each tile, one workgroup per tile. Twin: bounds.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;                   // [node] m
-@group(0) @binding(2) var<storage, read_write> tile_bounds: array<vec4<f32>>;   // [tile × 2] least m and nodes that are nowhere; greatest m, 0
+@group(0) @binding(2) var<storage, read_write> tile_bounds: array<vec4<f32>>;   // [tile × 2] least m, number of non-finite nodes; greatest m, 0
 
 const TILE: u32 = 8u; // cells along a side
 const LARGEST: f32 = 0x1.fffffep+127f;

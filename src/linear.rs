@@ -1,4 +1,5 @@
 //! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as on the GPU, one right-hand side at a time.
+//! Source: Chronopoulos, Gear 1989.
 
 use crate::kernels::advance::{Request, Scalars, advance};
 use crate::kernels::converge::converge;

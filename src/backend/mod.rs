@@ -109,7 +109,7 @@ pub struct SolveRequest {
     pub target: Target,
 }
 
-/// What the host asks of the present state at once.
+/// Values of the present state that the host reads at once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Query {
     /// Nodes whose displacements are read.

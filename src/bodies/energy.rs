@@ -188,11 +188,11 @@ pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
 
 /// `|b + Jᵀλ − A Δx|` relative to the load of the step (unconstrained motion and contact forces), all in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
-    let (rest, load) = residual(model, solved);
-    if load == 0.0 { 0.0 } else { norm(&rest) / load }
+    let (residual, load) = residual(model, solved);
+    if load == 0.0 { 0.0 } else { norm(&residual) / load }
 }
 
-/// What a linear step leaves of the equations of its law: the change of the elastic forces over the step, less that of the linearisation,
+/// Residual of the nonlinear equations after a linearised step: the change of the elastic forces over the step, less that of the linearisation,
 /// relative to the load of the step, in f64. 0 for linear laws and where steps are solved by Newton's method.
 pub fn law_residual(model: &Model, solved: Solved) -> f64 {
     if !model.mechanics().linearised(model) {
@@ -203,8 +203,8 @@ pub fn law_residual(model: &Model, solved: Solved) -> f64 {
 
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
-    let (rest, load, _) = equations(model, solved);
-    (rest, load)
+    let (residual, load, _) = equations(model, solved);
+    (residual, load)
 }
 
 /// The same, and the elastic forces, `[node]` N.

@@ -1,4 +1,4 @@
-//! Bodies by kind: deformable bodies (hexahedra on a grid, spring networks) and rigid bodies.
+//! Bodies by kind: deformable bodies (hexahedra on a grid, tetrahedra, spring networks) and rigid bodies.
 //!
 //! Each kind is one folder. It holds the arrays and the mechanics on the host in f64 ([`Mechanics`]), the interface to the solver on the
 //! CPU path ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and the effect of a cut. All kinds share a [`Model`]: nodes with masses,

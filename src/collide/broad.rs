@@ -89,8 +89,8 @@ impl Boxes {
         self.motion.resize(count, [DVec3::ZERO; 2]);
         for (tile, pair) in bounds.iter().enumerate().take(count) {
             let [least, greatest] = pair.map(|v| DVec3::new(v[0], v[1], v[2]));
-            let nowhere = least.x > greatest.x;
-            let now = if nowhere { [DVec3::ZERO; 2] } else { [least, greatest] };
+            let is_empty = least.x > greatest.x; // no finite node
+            let now = if is_empty { [DVec3::ZERO; 2] } else { [least, greatest] };
             let before = std::mem::replace(&mut self.motion[tile], now);
             self.moved = (0..2).map(|n| now[n].distance(before[n])).fold(self.moved, f64::max);
             self.tree.insert_or_update_partially(self.around(tile), tile as u32, 0.0);

@@ -96,6 +96,7 @@ fn header(cursor: &mut Cursor) -> Result<(Numbers, Vec<Element>)> {
         let found = quoted(&cursor.left()[..cursor.left().len().min(40)]);
         return Err(cursor.unexpected(found, "`ply` on the first line"));
     }
+    // a statement per line, up to `end_header`
     let mut numbers = None;
     let mut elements: Vec<Element> = vec![];
     loop {
@@ -130,6 +131,7 @@ fn header(cursor: &mut Cursor) -> Result<(Numbers, Vec<Element>)> {
                 elements.push(Element { name: name.to_vec(), count, properties: vec![] });
             }
             [b"property", rest @ ..] => {
+                // of the element before
                 let found = match rest {
                     [b"list", list, of, name] => property(name, Some(list), of),
                     [of, name] => property(name, None, of),

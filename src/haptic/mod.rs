@@ -4,7 +4,8 @@
 //! itself opens them. A [tick](Renderer::tick) updates the violations by the motion of hand and skin since, solves the same contact laws
 //! again in a few sweeps, and returns the force of the virtual coupling. With C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the
 //! coupling's spring counts once. Direct rendering has C = 0: the proxy is at the hand, and the force is that of the skin alone; a rigid
-//! contact (a wall, another rigid body) then has no force, as no force could hold the hand.
+//! contact (a wall, another rigid body) then has no force, as no force could hold the hand. Source of the virtual coupling: Colgate, Stanley,
+//! Brown 1995.
 //!
 //! A [`Servo`](servo::Servo) is the complete tick of one device: transform, render, limit, control passivity. Under the wall clock it runs
 //! in a thread of its own ([`thread`]), with [`servo::cells`] between it and the simulation; under the scene's clock in the simulation's

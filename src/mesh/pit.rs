@@ -36,7 +36,7 @@ const NEAR: f64 = 1e-8;
 /// Signed distance of a position from what is removed, in the frame of the body, m, with its gradient; negative where it is removed.
 pub type Distance<'a> = dyn Fn([f64; 3]) -> (f64, [f64; 3]) + Sync + 'a;
 
-/// What a tool takes at once.
+/// Material that a tool removes in one step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Carved {
     /// Cells or tetrahedra in ascending order, with what is left of their samples, 255ths.
@@ -65,7 +65,7 @@ pub struct Pit {
     corners: BTreeMap<u32, [f64; 3]>,
 }
 
-/// What is carved: a grid, or the tetrahedra of a mesh, as they are now.
+/// Body to carve in its present state: a grid, or the tetrahedra of a mesh.
 #[derive(Clone, Copy)]
 pub struct Tissue<'a> {
     /// The grid of the body.

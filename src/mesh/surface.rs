@@ -148,7 +148,7 @@ impl Surface {
         self.pit.carve(carved)
     }
 
-    /// What is reached of some present cells, in ascending order, and of faces there ([`Pit::reached`]), once [`Self::prepare`]d.
+    /// Parts of some present cells that are reached, in ascending order, and of faces there ([`Pit::reached`]), once [`Self::prepare`]d.
     pub(crate) fn reached(
         &self,
         near: (&[u32], &[Face]),

@@ -295,6 +295,7 @@ fn repeated<const N: usize>(cells: &[[u32; N]]) -> (usize, Option<usize>) {
 fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
     let mut used = vec![false; mesh.points.len()];
     mesh.tetrahedra.as_flattened().iter().chain(mesh.triangles.as_flattened()).for_each(|id| used[*id as usize] = true);
+    // points
     let first = first_of(&mesh.points);
     let of_points = |holds: &mut dyn FnMut(usize) -> bool| {
         let found = (0..mesh.points.len()).filter(|id| holds(*id)).collect::<Vec<_>>();
@@ -302,6 +303,7 @@ fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
     };
     let unused = of_points(&mut |id| !used[id]);
     let equal = of_points(&mut |id| first[id] as usize != id);
+    // tetrahedra and triangles
     let of_solids = |holds: &dyn Fn(&[u32; 4]) -> bool| {
         let mut found = mesh.tetrahedra.iter().enumerate().filter(|(_, nodes)| holds(nodes)).map(|(k, _)| k);
         let first = found.next();
@@ -310,6 +312,7 @@ fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
     let flat = of_solids(&|nodes| !has_volume(mesh, nodes));
     let inverted = of_solids(&|nodes| mesh.volume(nodes) < 0.0 && has_volume(mesh, nodes));
     let thin: Vec<usize> = (0..mesh.triangles.len()).filter(|k| !has_area(mesh, &mesh.triangles[*k])).collect();
+    // faces and edges between them
     let mut all = faces(&mesh.tetrahedra);
     all.sort_unstable();
     let crowded = all.chunk_by(|a: &Face, b: &Face| a.0 == b.0).filter(|same| same.len() > 2);
@@ -318,6 +321,7 @@ fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
         |holds: fn(&Edge) -> bool| edges.iter().filter(|edge| holds(edge)).map(|e| e.ids).collect::<Vec<_>>();
     let (many, open) = (of_edges(|edge| edge.count() > 2), of_edges(|edge| edge.count() == 1));
     let against = of_edges(|edge| edge.count() == 2 && edge.forward != 1);
+    // name, number and first, effect and remedy
     let id = |what: &str, (count, first): (usize, Option<usize>)| {
         (count, first.map(|first| format!("{what} {first}")).unwrap_or_default())
     };

@@ -332,13 +332,17 @@ impl Scene {
             several("planes", k).finite("through", &plane.through)?;
             several("planes", k).unit("normal", &plane.normal)?;
         }
-        for (k, tie) in self.attachments.iter().enumerate() {
+        for (k, attachment) in self.attachments.iter().enumerate() {
             let part = several("attachments", k);
-            part.index("body", tie.body, skins)?;
-            self.check_body(&part.of("to"), tie.to)?;
-            check_region(&part.of("region"), &tie.region)?;
-            part.of("to").that(tie.to != BodyId::Deformable(tie.body), "the body itself", "another body")?;
-            if let Some(slide) = tie.slide {
+            part.index("body", attachment.body, skins)?;
+            self.check_body(&part.of("to"), attachment.to)?;
+            check_region(&part.of("region"), &attachment.region)?;
+            part.of("to").that(
+                attachment.to != BodyId::Deformable(attachment.body),
+                "the body itself",
+                "another body",
+            )?;
+            if let Some(slide) = attachment.slide {
                 part.of("slide").unit("direction", &slide.direction)?;
                 part.of("slide").not_negative("friction, resistance", &[slide.friction, slide.resistance])?;
             }

@@ -687,7 +687,7 @@ pub enum Invalid {
         grid: f64,
     },
 
-    /// What a body embedded in a grid does not have.
+    /// Feature that a body embedded in a grid does not support.
     #[error("{at}: {what} cannot be had with embed = \"bricks\"; {fix}")]
     Embedded {
         /// Where.

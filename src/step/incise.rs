@@ -7,8 +7,8 @@
 //! different times leave no gap.
 //!
 //! A piece that has cut stands at the front of its cut, whichever cell it is in, and is held there as it advances: its retreat from that
-//! front, not the cell, tells opened tissue from new tissue. The work of cutting is then toughness times area, and the force does not
-//! pulsate from cell to cell.
+//! front, not the cell, tells opened tissue from new tissue. The work of cutting is then toughness times area (Atkins 2009), and the force
+//! does not pulsate from cell to cell.
 
 use super::body::{Body, Cut, Known, Located};
 use super::probes::query;

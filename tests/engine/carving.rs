@@ -3,6 +3,7 @@
 
 use crate::small::{block, held};
 use cutis::bodies::{Model, Wound};
+use cutis::math::random::Random;
 use cutis::mesh::Edges;
 use cutis::scene::{Carve, Contact, Cut, Pose, Region, Round, Scene, Tool};
 use cutis::step::{Platform, Simulation, StepReport};
@@ -106,16 +107,10 @@ fn random_carving_leaves_nothing_that_hangs_and_books_every_gram() {
     let cells = model.grid.cell_count() as u64;
     for seed in 1..20u64 {
         let mut wound = Wound::new(&model);
-        let mut random = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        let mut next = || {
-            random ^= random << 13;
-            random ^= random >> 7;
-            random ^= random << 17;
-            random
-        };
+        let mut random = Random::new(seed);
         // until nine cells of ten are gone, through held nodes too
         while alive(&wound).len() as u64 * 10 > cells {
-            let chosen: Vec<u32> = (0..=next() % 6).map(|_| (next() % cells) as u32).collect();
+            let chosen: Vec<u32> = (0..=random.below(6)).map(|_| random.below(cells) as u32).collect();
             let removal = wound.carve(&model, &chosen);
             assert!(chosen.iter().all(|cell| !wound.surface.alive[*cell as usize]));
             assert!(removal.cells.iter().all(|cell| !wound.surface.alive[*cell as usize]));

@@ -2,6 +2,7 @@
 
 use crate::samples::{FORMS, block};
 use cutis::formats::{Cell, Encoding, Format, Group, Mesh, lost, parse, write};
+use cutis::math::random::Random;
 use std::path::Path;
 
 fn read(bytes: &[u8], name: &str) -> Result<Mesh, String> {
@@ -98,12 +99,11 @@ fn solids_and_quadrilaterals_are_split_without_gaps() {
         }
     }
     // every numbering of the points: diagonals follow the numbers
-    let mut state = 1u64;
+    let mut random = Random::new(1);
     for _ in 0..200 {
         let mut order: Vec<u32> = (0..12).collect();
         for k in (1..12).rev() {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            order.swap(k, (state >> 33) as usize % (k + 1));
+            order.swap(k, random.below(k as u64 + 1) as usize);
         }
         let mut mesh = Mesh { points: vec![[0.0; 3]; 12], ..Mesh::default() };
         (0..12).for_each(|k| mesh.points[order[k] as usize] = points[k]);

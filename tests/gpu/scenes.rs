@@ -32,7 +32,7 @@ fn forces(platform: &Platform) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
     let mut scene = read(&path)?;
     scene.solver.tolerance = 1e-5;
-    // the two lowest blocks: each body compiles its kernels, which takes SwiftShader half a minute
+    // the two lowest blocks: five take SwiftShader too long
     scene.skins.truncate(2);
     scene.probes.retain(|p| matches!(p.kind, ProbeKind::Force { on: BodyId::Deformable(body), .. } if body < 2));
     let mut simulation = Simulation::new(&scene, platform)?;

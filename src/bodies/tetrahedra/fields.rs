@@ -62,7 +62,7 @@ impl Arrays<f64> {
             let f = domains.iter().fold(M3::identity(), |sum, k| sum + of_domains[*k as usize] * (1.0 / 6.0));
             let wanted = 1.0 + corners[e].iter().map(|i| 0.25 * of_patches[*i as usize]).sum::<f64>();
             let ratio = wanted / f.determinant();
-            // none of what is inside out
+            // inverted ones have no mean
             let scaled = if ratio > 0.0 { f * cbrt(ratio) } else { f };
             scaled + M3::identity() * -1.0
         };

@@ -46,7 +46,7 @@ pub struct Rotations<R> {
     pub frame: Vec<V4<R>>,
 }
 
-/// What a linearisation is for.
+/// Purpose of a linearisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum For<R> {
     /// Steps with this factor of the stiffness, [`Params::stiffness_factor`].
@@ -490,7 +490,7 @@ impl<R: Real> Arrays<R> {
         out
     }
 
-    /// What the passes store between them: one array for each right-hand side.
+    /// Scratch memory of the passes, one array for each right-hand side.
     pub fn scratch(&self) -> Vec<R> {
         vec![R::zero(); self.scratch_len()]
     }
