@@ -78,10 +78,10 @@ pub fn cut<R: Real>(
             position(first, point_u),
             position(second, point_u),
         ];
-        let own = around(&link);
         if !link.iter().all(is_somewhere) {
             continue;
         }
+        let own = around(&link);
         let crossed = |(piece, near): (&[V3<R>; 4], &[V3<R>; 2])| {
             if !meet(near, &own) {
                 return None;

@@ -70,7 +70,7 @@ fn ticks(r: &Report) -> String {
     let shortened = match h.shortened_steps.unwrap_or(0) {
         0 => String::new(),
         steps => format!(
-            ", {steps} ended in time before their contact forces had converged (at most {:.1} mN and {:.1} µm left)",
+            ", {steps} ended when due with contact forces that can be felt to be off (at most {:.1} mN and {:.1} µm left)",
             h.shortened_n_max.unwrap_or(f64::NAN) * 1e3,
             h.shortened_mm_max.unwrap_or(f64::NAN) * 1e3
         ),

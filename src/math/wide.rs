@@ -5,6 +5,7 @@
 //!
 //! A [`Task`] gives the same bits with any registers, and so on every machine, because
 //! - lanes are independent: there is no sum across a register;
+//! - dot products have [`MOST`] sums whatever the register's width ([`dot_product`]);
 //! - values that several lanes add to get the contributions in the order of the elements, as in scalar code;
 //! - a fused multiply-add ([`Lanes::mul_add`]) rounds once everywhere, in software where the processor has no instruction for it, and a
 //!   separate product and sum round twice everywhere: the compiler does not fuse them.
@@ -448,9 +449,10 @@ pub fn dot_product<R: Real>(a: &[R], b: &[R]) -> R {
     sum
 }
 
-/// Adds the products of two slices to the sums of [`dot_product`].
+/// Adds the products of two slices of one length to the sums of [`dot_product`].
 #[inline(always)]
 pub fn add_products<R: Real>(a: &[R], b: &[R], sums: &mut [R; MOST]) {
+    debug_assert_eq!(a.len(), b.len());
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<MOST>(), b.as_chunks::<MOST>());
     for k in 0..a.len().min(b.len()) {
         for n in 0..MOST {
@@ -544,6 +546,15 @@ mod tests {
             let mut out = [R::zero(); MOST];
             lanes.store(lanes.mul_add(lanes.splat(one), lanes.splat(one), least), &mut out);
             (L::COUNT, out[L::COUNT - 1])
+        }
+    }
+
+    #[test]
+    fn dot_products_of_any_length_have_every_product_once() {
+        for count in [0, 1, 15, 16, 17, 100] {
+            let [a, b]: [Vec<f64>; 2] = [3, 5].map(|n| (0..count).map(|k| ((k * n) % 7) as f64).collect());
+            let plain: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
+            assert_eq!(dot_product(&a, &b), plain, "{count}");
         }
     }
 

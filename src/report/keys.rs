@@ -239,9 +239,9 @@ pub struct HapticReport {
     pub device_faults: Option<u64>,
     /// Steps that began more than a tick late.
     pub late_steps: Option<u64>,
-    /// Time by which the scene fell behind the wall clock because of them, ms.
+    /// Time by which the scene fell behind the wall clock because of them, and until the haptic threads had started, ms.
     pub behind_ms: Option<f64>,
-    /// Steps that were due before their contact forces had converged, and ended with what they had.
+    /// Steps that ended because they were due, with contact forces off by more than can be felt.
     pub shortened_steps: Option<u64>,
     /// Largest change of a force by one more projection at the end of one, N.
     pub shortened_n_max: Option<f64>,

@@ -6,7 +6,8 @@
 //!
 //! By the wall clock there is one thread per device, and the simulation is paced by the same clock. Step k begins `k h` after the start, or
 //! at once if that has passed. Up to a tick is made up for; if a step begins more than a tick late, it is counted and the scene falls
-//! behind the wall clock by that time: a long step delays no step but the next. At its start the tools follow their hands from the pose of
+//! behind the wall clock by that time: a long step delays no step but the next. (The first step, which begins when the threads have started, is not
+//! counted.) Each step is to end by the next one's beginning ([`Simulation::finish_by`]). At its start the tools follow their hands from the pose of
 //! the last step's start, so that no motion is lost. At its end its contact problems go to the servos, with the time of the hand poses that
 //! they are based on.
 
@@ -240,7 +241,7 @@ impl WallClock {
             self.behind += late;
         }
         let done = Duration::from_secs_f64((end + self.paused + self.behind).max(0.0));
-        simulation.due(Some(self.start + done));
+        simulation.finish_by(self.start + done);
         for (thread, tool) in self.threads.iter_mut().zip(&mut simulation.tools) {
             let felt = thread.cells.felt.read();
             tool.follow((felt.hand.position, felt.hand.rotation), begin, end);

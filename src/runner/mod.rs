@@ -32,7 +32,7 @@ const RING: f64 = 8.0;
 pub enum Clock {
     /// Scene time: steps follow each other without waiting, and a run repeats.
     Scene,
-    /// Real time: a step of 5 ms takes 5 ms, or is late.
+    /// Real time: a step of 5 ms takes 5 ms, with fewer passes of the contact solve where need be, or is late.
     Wall,
 }
 
@@ -59,13 +59,13 @@ pub struct HapticCounts {
     pub timing: Option<Timing>,
     /// Steps that began more than a tick late.
     pub late_steps: u64,
-    /// Time by which the scene fell behind the wall clock for that, s.
+    /// Time by which the scene fell behind the wall clock for that, and until the threads had started, s.
     pub behind: f64,
-    /// Steps that ended in time at the cost of their contact forces.
+    /// Steps that ended because they were due, with contact forces off by more than can be felt.
     pub shortened: Shortened,
 }
 
-/// Steps by the wall clock that were due before their contact forces had converged ([`Simulation::due`]).
+/// Steps by the wall clock that ended because they were due, with contact forces off by more than can be felt ([`Simulation::finish_by`]).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Shortened {
     /// Number.

@@ -37,7 +37,7 @@ pub struct ContactReport {
     pub residual_n: f64,
     /// Largest violation of complementarity after the correction: penetration, slip of a sticking contact, m.
     pub residual_m: f64,
-    /// The step was due ([`Simulation::due`]) before its passes had converged, and what they leave can be felt.
+    /// The step was due ([`Simulation::finish_by`]) before its passes had converged, and what they leave can be felt.
     pub shortened: bool,
     /// Compliance columns solved.
     pub columns: u32,
@@ -223,10 +223,11 @@ impl Simulation {
         Ok((problem, ended))
     }
 
-    /// Attachments are there from the first step on; a step by the wall clock has time for fewer columns.
+    /// How a step solves columns: the first one all, since attachments are there from the start; one with a deadline has time for few.
     fn solving(&self, law: &scene::Contact) -> Solving {
-        let at_once = if self.due.is_some() { 1 } else { MOST_AT_ONCE };
-        Solving { tolerance: law.column_tolerance, at_once, all: self.step_number == 1 }
+        let all = self.step_number == 1;
+        let at_once = if self.deadline.is_set() && !all { 1 } else { MOST_AT_ONCE };
+        Solving { tolerance: law.column_tolerance, at_once, all }
     }
 
     /// `W` of the bodies' present compliance.

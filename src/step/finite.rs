@@ -85,6 +85,7 @@ impl Simulation {
         }
         // drop non-finite contacts
         report.contact.on_tool.clear();
+        (report.contact.shortened, report.contact.residual_n, report.contact.residual_m) = (false, 0.0, 0.0);
         let mut contacts = std::mem::take(&mut report.contact.contacts);
         let found = contacts.len();
         contacts.retain(is_finite_contact);

@@ -33,6 +33,7 @@
 mod body;
 mod contact;
 mod costs;
+mod deadline;
 mod energy;
 mod find;
 mod finite;
@@ -62,12 +63,13 @@ use crate::math::larger;
 use crate::scene::{BodyId, Integrator, STEP, Scene, Skin};
 use body::Known;
 use contact::{NodeForces, Resolved};
+use deadline::Deadline;
 use glam::DVec3;
 use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -184,11 +186,6 @@ const IDLE_STATIC: u32 = 200;
 /// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
 const NEARER: f64 = 0.99;
 
-/// Of [`Simulation::usual`]: what follows the passes.
-const AFTER: usize = 0;
-/// Of [`Simulation::usual`]: a batch of columns.
-const BATCH: usize = 1;
-
 /// A running scene.
 pub struct Simulation {
     /// The deformable bodies, in the scene's order.
@@ -217,10 +214,7 @@ pub struct Simulation {
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     interrupt: Arc<AtomicBool>,
-    /// Time at which the present step should be done; none by the scene's clock.
-    due: Option<Instant>,
-    /// What a step takes after its passes, and a batch of columns.
-    usual: [Duration; 2],
+    deadline: Deadline,
     /// Work and dissipation so far.
     booked: Booked,
     /// The measure of least unexplained energy.
@@ -278,8 +272,7 @@ impl Simulation {
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             interrupt: Arc::default(),
-            due: None,
-            usual: [Duration::ZERO; 2],
+            deadline: Deadline::default(),
             booked: Booked::default(),
             least: None,
             step_number: 0,
@@ -340,16 +333,11 @@ impl Simulation {
         self.bodies.iter_mut().for_each(|body| body.backend.interrupt_by(flag.clone()));
     }
 
-    /// Time at which the next step should be done: its contact forces are then solved for by fewer passes if need be, at least one, and by
-    /// columns that it has. What they leave is in the report, and the next step starts from it. Static steps take their time.
-    pub fn due(&mut self, at: Option<Instant>) {
-        self.due = at;
-    }
-
-    /// Whether the step would be late with what takes so long more.
-    fn would_be_late(&self, more: Duration) -> bool {
-        let due = self.due.filter(|_| self.step_size().is_finite());
-        due.is_some_and(|due| Instant::now() + more + self.usual[AFTER] > due)
+    /// Has the next step end by a time, if it can: its contact forces are then solved for by fewer passes, at least one, and with columns
+    /// that there are. What they leave is in its report, and the step after it starts from there. Static steps take their time.
+    pub fn finish_by(&mut self, end: Instant) {
+        let takes_time = self.step_size().is_finite();
+        self.deadline.set(takes_time.then_some(end));
     }
 
     /// Totals over all wounds.
@@ -378,10 +366,13 @@ impl Simulation {
         // within the pool of the CPU path's threads: entered from outside, each of a step's thousand loops would wake and wait for it
         rayon::scope(|_| {
             let parts = self.scene.time.substeps;
+            self.deadline.begin(Instant::now(), parts);
             let mut report = self.advance(check && parts == 1)?;
             for part in 2..=parts {
+                self.deadline.begin(Instant::now(), parts + 1 - part);
                 report.followed_by(self.advance(check && part == parts)?);
             }
+            self.deadline.pass_by();
             Ok(report)
         })
     }
@@ -478,7 +469,6 @@ impl Simulation {
             solved = self.solve_again(&old, &free, &mut report)?;
         }
         let Resolved { free: mut ended, forces, contact_forces } = solved;
-        let after = Instant::now();
         self.last_forces = contact_forces;
         // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);
@@ -518,7 +508,7 @@ impl Simulation {
         self.read_probes(begin, forces.as_deref(), &mut report)?;
         self.probes_are_finite(&report)?;
         report.costs.close(start);
-        self.usual[AFTER] = after.elapsed().max(self.usual[AFTER] * 7 / 8);
+        self.deadline.end(Instant::now(), check);
         Ok((report, forces))
     }
 

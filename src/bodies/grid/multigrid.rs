@@ -258,7 +258,7 @@ pub fn apply<R: Real, S: Real>(levels: &[Operator<S>], work: &mut [LevelWork<S>]
     if let (Some(r), Some(z)) = (same(r), same_mut(z)) {
         return R::of(cycle(levels, work, r, z).f64());
     }
-    // of size 1, since a motion that fades away leaves the range of f32 long before that of f64
+    // of a size from 1 to 2, since a motion that fades away leaves the range of f32 long before that of f64
     let of_chunk = |r: &[V4<R>]| R::widest(Largest(r.as_flattened()));
     let size = r.par_chunks(PARALLEL).map(of_chunk).collect::<Vec<R>>().into_iter().fold(R::zero(), R::max);
     if size == R::zero() {
@@ -364,4 +364,19 @@ fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4<R>]
     prolongation(&own.params, own.free, own.split.0, &coarse_z, z);
     (below[0].r, below[0].z) = (coarse_r, coarse_z);
     own.smooth(false, r, z, here)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::power_of_two;
+
+    #[test]
+    fn factors_are_powers_of_two_within_a_factor_of_two() {
+        for size in [f64::MIN_POSITIVE, 1e-300, 0.1, 1.0, 3.9, 4.0, 1e300, f64::MAX] {
+            let factor = power_of_two(size);
+            assert!(factor <= size && size < 2.0 * factor, "{size:e}: {factor:e}");
+            assert!(factor * (1.0 / factor) == 1.0 && (1.0 / factor).is_finite(), "{size:e}: {factor:e}");
+        }
+        assert!(power_of_two(5e-324) > 0.0);
+    }
 }

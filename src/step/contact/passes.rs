@@ -7,7 +7,7 @@
 //! Passes end when one more would change the forces by less than the scene's tolerance, or when they converge slowly and the residual is
 //! too small to be felt. Where they are used up the best one is taken, with a warning if its residual can be felt. Time is bounded by the
 //! row updates of a solve, the number of passes and the columns of a pass. By the wall clock a step that is due takes no further pass and no
-//! columns ([`Simulation::due`]); the best pass so far holds, and what it leaves is reported.
+//! columns ([`Simulation::finish_by`]); the best pass so far holds, and what it leaves is reported.
 //!
 //! Measured on perturbed `incision_shapes`, 14 × 14 cells: 3.0 passes, 8 at most, longest step 24 times the median. With all columns solved
 //! anew in a slow pass: 2.7, 7 and 70; the same without a budget of row updates: 2.9, 7 and 1150.
@@ -19,7 +19,7 @@ use crate::math::inner_product;
 use crate::scene::Correction;
 use crate::step::body::Places;
 use crate::step::rows::energy;
-use crate::step::{BATCH, Costs, Part, Simulation, StepReport};
+use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
@@ -37,6 +37,9 @@ const PRESS: f64 = 1e-4;
 
 /// Share of the previous pass's residual above which a pass is slow: the compliance has aged too much.
 const SLOW: f64 = 0.5;
+
+/// Residual of a late step's last pass, in energy and relative to that of the best one, above which the best one is worth a correction more.
+const FAR_BETTER: f64 = 4.0;
 
 /// A pass that changes the forces by less than one part in [`FINE`] solves its correction to a proportionally smaller tolerance, at least
 /// [`FINEST`] of it: a small change is visible only so.
@@ -195,7 +198,7 @@ impl Simulation {
             // solve aged columns anew where convergence is slow
             let slow = pass.relative_change > SLOW * before;
             if (pass.relative_change > law.tolerance && slow || !pass.solved)
-                && !self.would_be_late(self.usual[BATCH] + longest)
+                && !self.deadline.excludes_batch(Instant::now(), longest)
                 && self.renew(problem, &pass.lambda, report)?
             {
                 pass = problem.evaluate(pass.lambda, pass.slips, least, &mut report.costs);
@@ -210,13 +213,18 @@ impl Simulation {
             if closed || (slow && !perceptible) || single {
                 break pass;
             }
+            // due: take the last pass, which the backends hold, unless another is far better
+            let late = report.contact.passes > 0 && self.deadline.excludes_pass(Instant::now(), longest);
+            let far_better = |best: &Pass| pass.residual.energy > FAR_BETTER * best.residual.energy;
+            if late && !best.as_ref().is_some_and(far_better) {
+                report.contact.shortened = perceptible;
+                break pass;
+            }
             let lambda = pass.next.clone();
-            let is_best = best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy);
-            if is_best {
+            if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
                 best = Some(pass);
             }
             // passes or time used up: take the best one
-            let late = report.contact.passes > 0 && self.would_be_late(longest);
             if let Some(best) = best.take_if(|_| late || report.contact.passes >= law.max_passes) {
                 let perceptible = !problem.loose_tolerance(1.0).is_met(&best.residual, &best.lambda);
                 if late {
@@ -225,9 +233,7 @@ impl Simulation {
                     report.warn("contact_passes_exhausted", u32::from(perceptible));
                 }
                 // the backends hold the correction of the last pass
-                if !(late && is_best) {
-                    self.correct(problem, &best.lambda, law.tolerance, report)?;
-                }
+                self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
             report.contact.passes += 1;
@@ -250,6 +256,7 @@ impl Simulation {
             pass = problem.evaluate(lambda, slips, least, &mut report.costs);
             longest = longest.max(clock.elapsed());
         };
+        self.deadline.end_passes(Instant::now(), longest);
         let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
         report.warn("contact_not_converged", u32::from(!pass.solved && perceptible && !report.contact.shortened));
         report.warn("contact_rows_dropped", pass.residual.dropped);
@@ -272,7 +279,7 @@ impl Simulation {
             renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, solving, report)?;
         }
         if renewed {
-            self.usual[BATCH] = clock.elapsed();
+            self.deadline.batch_took(clock.elapsed());
             problem.columns = self.compliance_of(problem);
             problem.update_compliance();
         }
