@@ -27,8 +27,8 @@
 //! f32 solves a step to about 10⁻⁶ of its displacement, however small the recurrence's residual; with `refinements` the error falls to the
 //! rounding of the displacement itself, 2·10⁻⁸.
 //!
-//! Each body has its own unconstrained motion; only rows couple bodies. A scene without contact reads nothing back here. Numerical trouble
-//! is counted in [`StepReport`], never repaired in silence.
+//! Each body has its own unconstrained motion; only rows couple bodies. Without contact a step reads back the outcome of its solve and the
+//! probes alone (`cutis inspect` lists the read-backs). Numerical trouble is counted in [`StepReport`], never repaired in silence.
 
 mod body;
 mod contact;
