@@ -27,21 +27,12 @@ const MAX_NEWTON: usize = 64;
 pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
     let mut q = start;
     for _ in 0..MAX_NEWTON {
-        // gradient and negative Hessian of tr(Rᵀ f) with respect to the rotation vector
-        let s = rotation_matrix(q).transpose() * f;
-        let [a, b, c] = s.0;
-        let axial = V3::new(b.z - c.y, c.x - a.z, a.y - b.x);
-        let t = s.trace();
-        let half = R::of(-0.5);
-        let (xy, xz, yz) = (half * (a.y + b.x), half * (a.z + c.x), half * (b.z + c.y));
-        let hessian = M3([V3::new(t - a.x, xy, xz), V3::new(xy, t - b.y, yz), V3::new(xz, yz, t - c.z)]);
-        let size = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
+        let Slopes { axial, hessian, minor, size, trace } = slopes(f, q);
         let tiny = R::of(1e-6) * size;
         let (hx, hy, hz) = (hessian.0[0].x, hessian.0[1].y, hessian.0[2].z);
-        let minor = hx * hy - xy * xy;
         let definite = hx > tiny && minor > tiny * tiny && hessian.determinant() > tiny * tiny * tiny;
         // 1.1 |S| I − sym S is positive definite for any S and gives an ascent direction
-        let shift = if definite { R::zero() } else { R::of(1.1) * size + R::of(1e-6) - t };
+        let shift = if definite { R::zero() } else { R::of(1.1) * size + R::of(1e-6) - trace };
         let shifted = hessian + M3::diagonal(V3::splat(shift));
         let mut omega = shifted.inverse() * axial;
         if !definite && axial.dot(axial) < tiny * tiny {
@@ -59,15 +50,47 @@ pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
         if squared > R::one() {
             omega = omega * (R::one() / squared.sqrt());
         }
-        let turned = quaternion_product(q, (omega * R::of(0.5)).pad(R::one()));
-        let [x, y, z, w] = turned;
-        let scale = R::one() / (x * x + y * y + z * z + w * w).sqrt();
-        q = [x * scale, y * scale, z * scale, w * scale];
+        q = turned(q, omega);
         if squared < R::EPSILON {
             break;
         }
     }
     q
+}
+
+/// Slopes of `tr(Rᵀ f)`, `S = Rᵀ f`, with respect to the rotation vector.
+struct Slopes<N> {
+    /// Gradient.
+    axial: V3<N>,
+    /// Negative Hessian.
+    hessian: M3<N>,
+    /// Its second leading minor.
+    minor: N,
+    /// `|S|`
+    size: N,
+    /// `tr S`
+    trace: N,
+}
+
+#[inline(always)]
+fn slopes<N: Number>(f: M3<N>, q: V4<N>) -> Slopes<N> {
+    let s = rotation_matrix(q).transpose() * f;
+    let [a, b, c] = s.0;
+    let axial = V3::new(b.z - c.y, c.x - a.z, a.y - b.x);
+    let (trace, half) = (s.trace(), q[3].like(-0.5));
+    let (xy, xz, yz) = (half * (a.y + b.x), half * (a.z + c.x), half * (b.z + c.y));
+    let hessian = M3([V3::new(trace - a.x, xy, xz), V3::new(xy, trace - b.y, yz), V3::new(xz, yz, trace - c.z)]);
+    let minor = hessian.0[0].x * hessian.0[1].y - xy * xy;
+    Slopes { axial, hessian, minor, size: (a.dot(a) + b.dot(b) + c.dot(c)).sqrt(), trace }
+}
+
+/// A quaternion after a small rotation, of length 1.
+#[inline(always)]
+fn turned<N: Number>(q: V4<N>, omega: V3<N>) -> V4<N> {
+    let one = q[3].like(1.0);
+    let [x, y, z, w] = quaternion_product(q, (omega * one.like(0.5)).pad(one));
+    let scale = one / (x * x + y * y + z * z + w * w).sqrt();
+    [x * scale, y * scale, z * scale, w * scale]
 }
 
 /// [`polar`] of many gradients, each from its quaternion, which it replaces; zero quaternions, of removed cells, stay.
@@ -87,27 +110,27 @@ impl<R: Real> Task<R> for Polars<'_, R> {
     fn run<L: Lanes<R>>(self, lanes: L) {
         for (f, q) in self.gradients.chunks(L::COUNT).zip(self.rotation.chunks_mut(L::COUNT)) {
             // by component; lanes without a gradient repeat the last one
-            let (mut parts, mut turned) = ([[[R::zero(); MOST]; 3]; 3], [[R::zero(); MOST]; 4]);
+            let (mut parts, mut quaternions) = ([[[R::zero(); MOST]; 3]; 3], [[R::zero(); MOST]; 4]);
             for i in 0..L::COUNT {
                 let (f, q) = (&f[i.min(f.len() - 1)], &q[i.min(q.len() - 1)]);
                 for c in 0..3 {
                     (parts[c][0][i], parts[c][1][i], parts[c][2][i]) = (f.0[c].x, f.0[c].y, f.0[c].z);
                 }
                 for n in 0..4 {
-                    turned[n][i] = q[n];
+                    quaternions[n][i] = q[n];
                 }
             }
             let load = |part: &[R; MOST]| Packed::load(lanes, part);
             let column = |[x, y, z]: &[[R; MOST]; 3]| V3::new(load(x), load(y), load(z));
             let gradient = M3([column(&parts[0]), column(&parts[1]), column(&parts[2])]);
-            let start = [load(&turned[0]), load(&turned[1]), load(&turned[2]), load(&turned[3])];
+            let start = [load(&quaternions[0]), load(&quaternions[1]), load(&quaternions[2]), load(&quaternions[3])];
             match plain(gradient, start, R::EPSILON.f64()) {
                 Some(found) => {
                     for n in 0..4 {
-                        found[n].store(&mut turned[n]);
+                        found[n].store(&mut quaternions[n]);
                     }
                     for (i, q) in q.iter_mut().enumerate() {
-                        *q = [turned[0][i], turned[1][i], turned[2][i], turned[3][i]];
+                        *q = [quaternions[0][i], quaternions[1][i], quaternions[2][i], quaternions[3][i]];
                     }
                 }
                 None => {
@@ -127,21 +150,11 @@ fn plain<N: Number>(f: M3<N>, start: V4<N>, epsilon: f64) -> Option<V4<N>> {
     let (zero, one, half) = (constant(0.0), constant(1.0), constant(0.5));
     let (mut q, mut moving) = (start, one);
     for _ in 0..MAX_NEWTON {
-        let s = rotation_matrix(q).transpose() * f;
-        let [a, b, c] = s.0;
-        let axial = V3::new(b.z - c.y, c.x - a.z, a.y - b.x);
-        let t = s.trace();
-        let minus_half = constant(-0.5);
-        let (xy, xz, yz) = (minus_half * (a.y + b.x), minus_half * (a.z + c.x), minus_half * (b.z + c.y));
-        let hessian = M3([V3::new(t - a.x, xy, xz), V3::new(xy, t - b.y, yz), V3::new(xz, yz, t - c.z)]);
-        let size = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
-        let (hx, hy) = (hessian.0[0].x, hessian.0[1].y);
+        let Slopes { axial, hessian, minor, size, .. } = slopes(f, q);
         // definite by more than `polar` asks for
         let bound = constant(2e-6) * size;
-        let minor = hx * hy - xy * xy;
-        let least = constant(1e-6);
-        let is_definite = size.all_at_least(least)
-            && hx.all_at_least(bound)
+        let is_definite = size.all_at_least(constant(1e-6))
+            && hessian.0[0].x.all_at_least(bound)
             && minor.all_at_least(bound * bound)
             && hessian.determinant().all_at_least(bound * bound * bound);
         if !is_definite {
@@ -155,12 +168,10 @@ fn plain<N: Number>(f: M3<N>, start: V4<N>, epsilon: f64) -> Option<V4<N>> {
         if !one.all_at_least(squared) {
             return None;
         }
-        let turned = quaternion_product(q, (omega * half).pad(one));
-        let [x, y, z, w] = turned;
-        let scale = one / (x * x + y * y + z * z + w * w).sqrt();
         // lanes that have converged stay
+        let next = turned(q, omega);
         for n in 0..4 {
-            q[n] = moving.pick(half, turned[n] * scale, q[n]);
+            q[n] = moving.pick(half, next[n], q[n]);
         }
         moving = squared.pick(constant(epsilon), moving, zero);
         if zero.all_at_least(moving) {

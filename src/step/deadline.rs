@@ -26,7 +26,6 @@ impl Deadline {
 
     /// A substep begins; `left` of the step are left with it, and share the time.
     pub fn begin(&mut self, now: Instant, left: u32) {
-        self.passes_ended = None;
         self.of_substep = self.of_step.map(|end| now + end.saturating_duration_since(now) / left.max(1));
     }
 
@@ -43,7 +42,6 @@ impl Deadline {
         if let Some(since) = self.passes_ended.take().filter(|_| !checked) {
             self.after_passes = (now - since).max(faded(self.after_passes));
         }
-        self.of_substep = None;
     }
 
     /// The step ends: the deadline holds for one.
@@ -58,13 +56,13 @@ impl Deadline {
 
     /// Another pass that takes as long as the `longest` so far would miss it.
     pub fn excludes_pass(&self, now: Instant, longest: Duration) -> bool {
-        self.excludes(now, longest)
+        self.of_substep.is_some_and(|end| now + longest + self.after_passes > end)
     }
 
     /// A batch of columns would miss it, with a pass after it. The batch may have been slow by chance, so its duration fades each time that it is
     /// asked for in vain.
     pub fn excludes_batch(&mut self, now: Instant, longest: Duration) -> bool {
-        let excluded = self.excludes(now, self.column_batch + longest.max(self.pass));
+        let excluded = self.excludes_pass(now, self.column_batch + longest.max(self.pass));
         if excluded {
             self.column_batch = faded(self.column_batch);
         }
@@ -74,10 +72,6 @@ impl Deadline {
     /// A batch of columns took so long.
     pub fn batch_took(&mut self, duration: Duration) {
         self.column_batch = duration;
-    }
-
-    fn excludes(&self, now: Instant, more: Duration) -> bool {
-        self.of_substep.is_some_and(|end| now + more + self.after_passes > end)
     }
 }
 

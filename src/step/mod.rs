@@ -366,11 +366,13 @@ impl Simulation {
         // within the pool of the CPU path's threads: entered from outside, each of a step's thousand loops would wake and wait for it
         rayon::scope(|_| {
             let parts = self.scene.time.substeps;
-            self.deadline.begin(Instant::now(), parts);
-            let mut report = self.advance(check && parts == 1)?;
-            for part in 2..=parts {
+            let mut advance = |part: u32| {
                 self.deadline.begin(Instant::now(), parts + 1 - part);
-                report.followed_by(self.advance(check && part == parts)?);
+                self.advance(check && part == parts)
+            };
+            let mut report = advance(1)?;
+            for part in 2..=parts {
+                report.followed_by(advance(part)?);
             }
             self.deadline.pass_by();
             Ok(report)

@@ -188,6 +188,7 @@ impl Simulation {
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
         let mut longest = Duration::ZERO; // of the passes so far
+        let (mut late, mut exhausted) = (false, false);
         let pass = loop {
             if !pass.solved && !problem.observations.is_empty() {
                 // the observations of several passes need not agree on one compliance
@@ -214,10 +215,9 @@ impl Simulation {
                 break pass;
             }
             // due: take the last pass, which the backends hold, unless another is far better
-            let late = report.contact.passes > 0 && self.deadline.excludes_pass(Instant::now(), longest);
+            late = report.contact.passes > 0 && self.deadline.excludes_pass(Instant::now(), longest);
             let far_better = |best: &Pass| pass.residual.energy > FAR_BETTER * best.residual.energy;
             if late && !best.as_ref().is_some_and(far_better) {
-                report.contact.shortened = perceptible;
                 break pass;
             }
             let lambda = pass.next.clone();
@@ -225,13 +225,8 @@ impl Simulation {
                 best = Some(pass);
             }
             // passes or time used up: take the best one
-            if let Some(best) = best.take_if(|_| late || report.contact.passes >= law.max_passes) {
-                let perceptible = !problem.loose_tolerance(1.0).is_met(&best.residual, &best.lambda);
-                if late {
-                    report.contact.shortened = perceptible;
-                } else {
-                    report.warn("contact_passes_exhausted", u32::from(perceptible));
-                }
+            exhausted = !late && report.contact.passes >= law.max_passes;
+            if let Some(best) = best.take_if(|_| late || exhausted) {
                 // the backends hold the correction of the last pass
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
@@ -258,6 +253,8 @@ impl Simulation {
         };
         self.deadline.end_passes(Instant::now(), longest);
         let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
+        report.contact.shortened = late && perceptible;
+        report.warn("contact_passes_exhausted", u32::from(exhausted && perceptible));
         report.warn("contact_not_converged", u32::from(!pass.solved && perceptible && !report.contact.shortened));
         report.warn("contact_rows_dropped", pass.residual.dropped);
         report.contact.residual = pass.relative_change;
