@@ -298,8 +298,8 @@ impl Body {
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();
-        // displacements, then corner positions
-        self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
+        // displacements, velocities for the prediction of forces; then corner positions
+        self.read(Query { displacements: nodes.clone(), velocities: nodes.clone(), ..Query::default() })?;
         let u = nodes.iter().map(|node| self.known.u[node]).collect();
         self.located = Located { nodes, u, ..Located::default() };
         let position = |(node, corner): (&u32, &Corner)| {

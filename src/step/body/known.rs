@@ -1,7 +1,7 @@
 //! What has been read of a body's state: each value once, and as many as possible at a time, since a read-back waits for the device.
 //!
 //! The first one of a new state is at the step's end where it cuts or has probes, otherwise at the next one's start. It takes with it what the
-//! next search for contacts asks for: the bounds of the tiles, and the displacements of the nodes that the last search located. So a
+//! next search for contacts asks for: the bounds of the tiles, and the displacements and velocities of the nodes that the last search located. So a
 //! search reads back only where it reaches other nodes, or where the state has changed since.
 
 use super::Body;
@@ -42,6 +42,7 @@ impl Body {
         if known.bounds.is_none() {
             query.bounds = true;
             query.displacements.extend(&self.located.nodes);
+            query.velocities.extend(&self.located.nodes);
         }
         for nodes in [&mut query.displacements, &mut query.velocities] {
             nodes.sort_unstable();

@@ -27,6 +27,8 @@ use std::time::{Duration, Instant};
 /// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000, a third of three crossing cuts
 /// leave a residual that can be felt in a pass.
 const ROW_UPDATES: u64 = 400_000;
+/// The same of the prediction before the passes.
+const PREDICTION_UPDATES: u64 = 50_000;
 /// Relative residual that ends a contact solve; with 1e-5, two kilograms resting on a gram jump by 3 % of their weight.
 const TOLERANCE: f64 = 1e-8;
 /// Share of the passes' tolerance that is sufficient for a contact solve.
@@ -133,6 +135,22 @@ impl Problem<'_> {
     fn loose_tolerance(&self, share: f64) -> LooseTolerance {
         let share = share * self.law.tolerance;
         LooseTolerance { share, gap: share * PRESS }
+    }
+
+    /// Replaces the included forces by those that the model `W` predicts from the violations `found` under them, if they meet the laws within
+    /// [`PREDICTION_UPDATES`].
+    pub(super) fn predict(&mut self, found: &[f64], costs: &mut Costs) {
+        let clock = Instant::now();
+        let effort =
+            Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates: PREDICTION_UPDATES };
+        let without_force = self.without_force(found, &self.included);
+        let mut predicted = self.included.clone();
+        let ended = solve(&self.laws, &self.w, &without_force, &mut predicted, &effort);
+        costs.row_updates += ended.updates;
+        if ended.converged {
+            self.included = predicted;
+        }
+        costs.spend(Part::Laws, clock);
     }
 
     /// Solves for the forces by the model `W`; true if what they leave cannot be felt. Counts the row updates.
