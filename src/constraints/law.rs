@@ -76,6 +76,15 @@ impl Law {
         self.groups().last().map_or(0, |group| group.end)
     }
 
+    /// Rows of friction, which acts against the slip since the start of the step.
+    pub fn friction_rows(&self) -> Range<usize> {
+        match self {
+            Self::Coulomb { .. } => 1..self.rows().max(1),
+            Self::Slide { .. } => 2..3,
+            Self::Cut { .. } | Self::Bilateral { .. } => 0..0,
+        }
+    }
+
     /// Whether it is a constraint, which is always active; a contact opens and closes.
     pub fn is_constraint(&self) -> bool {
         matches!(self, Self::Bilateral { .. } | Self::Slide { .. })

@@ -78,6 +78,12 @@ impl Simulation {
         // lips; a fixed order; attachments last
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
+        // slips of a static step's earlier solves
+        for contact in &mut found {
+            if let Some(slid) = self.slid.get(&contact.id()) {
+                contact.law.friction_rows().for_each(|row| contact.gap[row] = contact.axes[row].dot(*slid));
+            }
+        }
         Ok(found)
     }
 
