@@ -107,6 +107,21 @@ fn a_point_without_a_radius_feels_the_cells() {
     assert!(coarse / fine > 1.3, "{forces:?} N");
 }
 
+/// Of a steady press: with the forces of the last step in place of predicted ones, each of its steps took two passes.
+#[test]
+fn forces_of_a_steady_press_are_predicted_within_a_pass() {
+    let mut scene = block(16, RADIUS, [0.0, 0.0]);
+    (scene.time.step, scene.time.duration) = (5e-3, 0.1);
+    let end = &mut scene.tools[0].trajectory[1];
+    (end.time, end.position[2]) = (0.1, 7.84e-3);
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
+    let contact = |_| simulation.step(false).expect("the CPU path has no device to fail").contact;
+    let steps: Vec<_> = (0..20).map(contact).skip(2).collect();
+    assert!(steps.iter().all(|contact| contact.on_tool[0][2] > 1e-3), "the tip presses in each of them");
+    let passes: Vec<u32> = steps.iter().map(|contact| contact.passes).collect();
+    assert!(passes.iter().all(|passes| *passes <= 1), "{passes:?}");
+}
+
 #[test]
 fn a_radius_of_no_point_is_refused() {
     let text = "[skin]\nsize_mm = [8.0, 8.0]\ncells = [4, 4]\n[[skin.layer]]\nname = \"gel\"\nthickness_mm = 2.0\ncells = 1\n\
