@@ -46,7 +46,7 @@ pub struct Contact {
     pub point: DVec3,
     /// Unit directions. The law's rows are along the first of them and measure the motion of the first body relative to the second.
     pub axes: [DVec3; 3],
-    /// Violations along them at the start of the step, m.
+    /// Violations along them at the start of the step, m; of friction 0, or in a static step the slip of its earlier solves.
     pub gap: [f64; 3],
     /// Depth of the sample inside the surface at the start of the step, m; 0 outside.
     pub depth: f64,

@@ -224,6 +224,13 @@ mod tests {
         Law::Slide { friction: 0.5, resistance: 0.1 },
     ];
 
+    #[test]
+    fn friction_acts_along_the_rows_that_slide() {
+        let rows = LAWS.map(|law| law.friction_rows());
+        assert_eq!(rows, [1..1, 1..3, 0..0, 0..0, 0..0, 0..0, 2..3, 2..3]);
+        assert!(LAWS.iter().all(|law| law.friction_rows().end <= law.rows()), "rows that a law does not have");
+    }
+
     fn aims() -> impl Iterator<Item = [f64; 3]> {
         let mut random = Random::new(7);
         std::iter::repeat_with(move || [0; 3].map(|_| random.signed())).take(500)

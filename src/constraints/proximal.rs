@@ -6,7 +6,7 @@
 //! `δ = W λ + δ_free + ε D (λ − λ_k)`, `D = diag W`; the solution is `λ_{k+1}`; `ε`, at first 10⁻², is then divided by ten,
 //!
 //! which is the proximal point method. At its end `λ_{k+1} = λ_k`: the laws hold on `W` itself, and the added compliance changes no force.
-//! Of several solutions it takes the one nearest to its start, the forces of the last step, in the norm of `D`.
+//! Of several solutions it takes the one nearest to its start, the forces of the last step or what was predicted from them, in the norm of `D`.
 //!
 //! **What is proved.** Without friction and edges the laws are a convex problem, `min ½ λᵀWλ + δ_freeᵀλ` over a product of intervals. Each
 //! step's problem is strongly convex, and sweeps converge on it linearly from any start (Luo, Tseng 1992). The steps converge to a solution

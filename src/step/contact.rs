@@ -18,7 +18,7 @@ use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
 use passes::Observation;
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Contacts of a step and how their forces were solved for.
 #[derive(Clone, Debug, Default)]
@@ -106,6 +106,8 @@ struct Problem<'a> {
     pub observations: Vec<Observation>,
     /// `W` of the columns, updated by the observations, m/N.
     pub w: Vec<f64>,
+    /// `[row]` forces of the last step, as far as they are included, N.
+    last: Vec<f64>,
     /// `[row]` forces in the solve of the unconstrained motion: predicted ones, those of the last step, of penalties, or zero; N.
     pub included: Vec<f64>,
     /// `[contact]` displacement of the first body relative to the second by that solve, m: without forces on rigid bodies, with the
@@ -151,7 +153,8 @@ impl Simulation {
         let first = self.first_forces(&law, &contacts, reuse_forces);
         let mut problem = self.assemble(law, &contacts, free, &first, report)?;
         let iterates = law.forces == Loop::Constraints && !reuse_forces;
-        if iterates && law.correction == Correction::Exact {
+        let in_time = !self.deadline.excludes_pass(Instant::now(), Duration::ZERO);
+        if iterates && in_time && law.correction == Correction::Exact {
             self.predict(&mut problem, report);
         }
         let ended = self.solve_unconstrained(&mut problem, report)?;
@@ -206,6 +209,7 @@ impl Simulation {
             columns: vec![],
             observations: vec![],
             w: vec![],
+            last: included.clone(),
             included,
             free_slips: vec![],
             load: 0.0,
@@ -219,16 +223,21 @@ impl Simulation {
 
     /// Predicts the step's forces before any body is solved for, by `W` and the motion that nodes keep under constant forces
     /// ([`Simulation::kept`]): the hands' motion, which is known, changes the forces most. With the prediction in the solve of the
-    /// unconstrained motion, what is left for the corrections is its error. Where the laws cannot be solved for quickly, the forces of the
-    /// last step stay.
+    /// unconstrained motion, what is left for the corrections is its error. Where the laws cannot be solved for quickly, and with attachments,
+    /// whose forces follow the bodies' own motion more than any hand's, the forces of the last step stay. (Sheets tied to each other used up
+    /// their passes.)
     ///
     /// Passes and iterations per step with the forces of the last step and with the prediction: incision 1.9 and 7.0, 1.7 and 6.4;
     /// needle_press 0.7 and 5.1, 0.5 and 3.8; dental_probe 1.1 and 6.5, 0.8 and 5.4; nodule 3.0 and 17.8, 2.3 and 13.4; incision_shapes 2.3 and
     /// 18.9, 2.1 and 17.8.
     fn predict(&self, problem: &mut Problem, report: &mut StepReport) {
+        if problem.laws.iter().any(Law::is_constraint) {
+            return;
+        }
         let keeps = |body: usize, node: u32| {
-            let velocity = self.bodies[body].known.moved(node as usize)[1].f64();
-            DVec3::from_array(velocity) * self.kept(body)
+            let known = &self.bodies[body].known;
+            debug_assert!(known.v.contains_key(&node), "the search has read the velocities of all nodes of contacts");
+            DVec3::from_array(known.moved(node as usize)[1].f64()) * self.kept(body, node)
         };
         problem.free_slips = problem.rows.slips(|number| problem.unconstrained(number), keeps).collect();
         let found = problem.rows.violations(&problem.slips_after(&problem.included, &[]));
@@ -237,9 +246,7 @@ impl Simulation {
 
     /// Solves the unconstrained motion under the included forces; finds the slips by it.
     ///
-    /// What is left for the corrections is the change of the forces from the included ones, a small part of them: with those of the last step,
-    /// the incision takes 1.5 corrections and 6.7 iterations a step in place of 2.0 and 8.7 with all forces in the corrections, the dental
-    /// probe 1.1 and 7.1 in place of 2.0 and 10.8.
+    /// What is left for the corrections is the change of the forces from the included ones, a small part of them.
     fn solve_unconstrained(&mut self, problem: &mut Problem, report: &mut StepReport) -> Result<Vec<Outcome>> {
         let (mut ended, mut picked) = (vec![], vec![]);
         for (number, body) in self.bodies.iter_mut().enumerate() {
@@ -321,7 +328,7 @@ impl Simulation {
                 let forces = problem.rows.on_nodes(number, lambda);
                 forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt()
             };
-            let scale = size(lambda).max(size(&problem.included));
+            let scale = size(lambda).max(size(&problem.last));
             out.push(match problem.law.correction {
                 Correction::Uncoupled => {
                     let force = |n: &u32| forces.binary_search_by_key(n, |f| f.0).map_or([0.0; 3], |k| forces[k].1);
@@ -349,18 +356,17 @@ impl Simulation {
         }
     }
 
-    /// Share of a deformable body's displacement in a step that the next one repeats under constant forces. One that floats keeps its
-    /// velocity; one that is held creeps by its viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the
+    /// Share of a held body's displacement in a step that the next one repeats under constant forces. It creeps by its viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the
     /// Rayleigh stiffness damping.
     fn repeats(&self, body: usize) -> f64 {
         let viscosity = self.scene.skins[body].rayleigh_stiffness;
         viscosity / (viscosity + self.step_size())
     }
 
-    /// Displacement that a deformable body's nodes keep in a step under constant forces, per velocity, s.
-    fn kept(&self, body: usize) -> f64 {
+    /// Displacement that a deformable body's node keeps in a step under constant forces, per velocity, s.
+    fn kept(&self, body: usize, node: u32) -> f64 {
         let h = self.step_size();
-        match (h.is_finite(), self.bodies[body].floats) {
+        match (h.is_finite(), self.bodies[body].falls(node)) {
             (true, true) => h,
             (true, false) => h * self.repeats(body),
             (false, _) => 0.0,

@@ -1,5 +1,6 @@
 //! Contacts at the start of a step, and the constraint rows of attachments.
 
+use super::contact::ContactReport;
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::sides::{Last, Sides};
@@ -7,9 +8,9 @@ use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips,
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
-use crate::scene::{self, Attachment, BodyId, Integrator, Scene, attach_of};
+use crate::scene::{self, Attachment, BodyId, Integrator, Loop, Scene, attach_of};
 use glam::DVec3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
@@ -78,13 +79,32 @@ impl Simulation {
         // lips; a fixed order; attachments last
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
-        // slips of a static step's earlier solves
-        for contact in &mut found {
+        // slips of a static step's earlier solves; penalties know no friction
+        for contact in found.iter_mut().filter(|_| law.forces == Loop::Constraints) {
             if let Some(slid) = self.slid.get(&contact.id()) {
                 contact.law.friction_rows().for_each(|row| contact.gap[row] = contact.axes[row].dot(*slid));
             }
         }
         Ok(found)
+    }
+
+    /// Slips of contacts since they have borne a force in a static step, after one more of its solves: along their friction's axes, without
+    /// those of tools of lines and of rigid bodies among each other, which are numbered anew in each search.
+    pub(super) fn slid_by(&self, last: &ContactReport) -> BTreeMap<([BodyId; 2], usize), DVec3> {
+        let keeps_number = |contact: &Contact| match contact.on {
+            [BodyId::Rigid(_), BodyId::Rigid(_)] => false,
+            [BodyId::Rigid(number), BodyId::Deformable(_)] => self.tools[number].lines.is_none(),
+            _ => true,
+        };
+        let bears = |(contact, force): &(&Contact, &[f64; 3])| contact.law.is_constraint() || force[0] > 0.0;
+        let bore = last.contacts.iter().zip(&last.forces).zip(&last.slips);
+        bore.filter(|(of, _)| keeps_number(of.0) && bears(of))
+            .map(|((contact, _), slip)| {
+                let before = self.slid.get(&contact.id()).copied().unwrap_or_default();
+                let along = |row: usize| contact.axes[row] * contact.axes[row].dot(before + *slip);
+                (contact.id(), contact.law.friction_rows().map(along).sum())
+            })
+            .collect()
     }
 
     /// Whether a contact bore a force in the last step. Without it, it may go through in this one, whatever its gap is now.

@@ -1,8 +1,8 @@
 //! One time step, written once over [`Backend`](crate::backend::Backend):
 //!
 //! 1. find the contacts at the start of the step (the search margin grows with the motion of the rigid bodies) and add the attachments;
-//! 2. solve the motion of every body under the last step's contact forces λ₀, and provide columns of `A⁻¹` at the nodes that rows act on, loosely
-//!    solved or borrowed;
+//! 2. provide columns of `A⁻¹` at the nodes that rows act on, loosely solved or borrowed; predict the contact forces λ₀ by them from those of the
+//!    last step; solve the motion of every body under λ₀;
 //! 3. evaluate the violations `δ` of the moved bodies, solve for the forces λ on `W (λ − λ₀) + δ` ([`crate::constraints`]);
 //! 4. correct: solve `A Δx = Jᵀ(λ − λ₀)` accurately, evaluate δ again, repeat until the laws hold;
 //! 5. integrate, move the rigid bodies, cut what an edge has swept.
@@ -212,7 +212,7 @@ pub struct Simulation {
     sides: sides::Sides,
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
-    /// Slip of each contact by its id in the solves of the present static step so far, m.
+    /// Slip of each contact by its id since it has borne a force in the present static step, m.
     slid: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     interrupt: Arc<AtomicBool>,
@@ -480,9 +480,7 @@ impl Simulation {
         let Resolved { free: mut ended, forces, contact_forces } = solved;
         self.last_forces = contact_forces;
         if !h.is_finite() {
-            for (contact, slip) in report.contact.contacts.iter().zip(&report.contact.slips) {
-                *self.slid.entry(contact.id()).or_default() += *slip;
-            }
+            self.slid = self.slid_by(&report.contact);
         }
         // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);

@@ -417,6 +417,12 @@ impl AtRest {
 }
 
 impl Body {
+    /// Whether nothing holds a node: its body or its piece of it keeps its velocity.
+    pub(in crate::step) fn falls(&self, node: u32) -> bool {
+        let places = Places::of(&self.model, &self.wound, self.floats);
+        places.floats || places.is_loose(node)
+    }
+
     /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses in its place.
     pub(in crate::step) fn prepare_compliance(
         &mut self,

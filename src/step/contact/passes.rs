@@ -29,6 +29,8 @@ use std::time::{Duration, Instant};
 const ROW_UPDATES: u64 = 400_000;
 /// The same of the prediction before the passes.
 const PREDICTION_UPDATES: u64 = 50_000;
+/// Most that predicted forces are of the last step's.
+const RISE: f64 = 10.0;
 /// Relative residual that ends a contact solve; with 1e-5, two kilograms resting on a gram jump by 3 % of their weight.
 const TOLERANCE: f64 = 1e-8;
 /// Share of the passes' tolerance that is sufficient for a contact solve.
@@ -138,7 +140,8 @@ impl Problem<'_> {
     }
 
     /// Replaces the included forces by those that the model `W` predicts from the violations `found` under them, if they meet the laws within
-    /// [`PREDICTION_UPDATES`].
+    /// [`PREDICTION_UPDATES`], and on no body are more than [`RISE`] times those included: solves are as accurate as the load of their step's
+    /// start requires, and a body at rest has none.
     pub(super) fn predict(&mut self, found: &[f64], costs: &mut Costs) {
         let clock = Instant::now();
         let effort =
@@ -147,7 +150,14 @@ impl Problem<'_> {
         let mut predicted = self.included.clone();
         let ended = solve(&self.laws, &self.w, &without_force, &mut predicted, &effort);
         costs.row_updates += ended.updates;
-        if ended.converged {
+        let rises = |body: usize| {
+            let size = |lambda: &[f64]| {
+                let forces = self.rows.on_nodes(body, lambda);
+                forces.iter().map(|(_, force)| DVec3::from_array(*force).length_squared()).sum::<f64>().sqrt()
+            };
+            size(&predicted) > RISE * size(&self.included)
+        };
+        if ended.converged && !(0..self.nodes.len()).any(rises) {
             self.included = predicted;
         }
         costs.spend(Part::Laws, clock);
@@ -163,7 +173,7 @@ impl Problem<'_> {
             (ended.converged || self.loose_tolerance(1.0).is_met(&ended.residual, lambda), ended.residual.energy)
         };
         let (mut solved, left) = ends(lambda);
-        // an edge's law is not monotone: where the last step's forces lead to no solution, a start from zero may
+        // an edge's law is not monotone: where these forces lead to no solution, a start from zero may
         if !solved && lambda.iter().any(|l| *l != 0.0) {
             let mut other = vec![0.0; lambda.len()];
             let less;
