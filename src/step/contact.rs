@@ -324,10 +324,7 @@ impl Simulation {
         let mut out = vec![];
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, &change));
-            let size = |lambda: &[f64]| {
-                let forces = problem.rows.on_nodes(number, lambda);
-                forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt()
-            };
+            let size = |lambda: &[f64]| problem.rows.norm_on_nodes(number, lambda);
             let scale = size(lambda).max(size(&problem.last));
             out.push(match problem.law.correction {
                 Correction::Uncoupled => {

@@ -136,6 +136,12 @@ impl<'a> Rows<'a> {
         sum.into_iter().map(|(node, force)| (node, force.to_array())).collect()
     }
 
+    /// Norm of the forces on a deformable body's nodes, N.
+    pub fn norm_on_nodes(&self, body: usize, lambda: &[f64]) -> f64 {
+        let forces = self.on_nodes(body, lambda);
+        forces.iter().map(|(_, force)| DVec3::from_array(*force).length_squared()).sum::<f64>().sqrt()
+    }
+
     /// `Jᵀλ` on a rigid body: force N, torque N·m.
     pub fn on_rigid(&self, number: usize, lambda: &[f64]) -> (DVec3, DVec3) {
         let mut sum = (DVec3::ZERO, DVec3::ZERO);

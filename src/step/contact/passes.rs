@@ -150,13 +150,8 @@ impl Problem<'_> {
         let mut predicted = self.included.clone();
         let ended = solve(&self.laws, &self.w, &without_force, &mut predicted, &effort);
         costs.row_updates += ended.updates;
-        let rises = |body: usize| {
-            let size = |lambda: &[f64]| {
-                let forces = self.rows.on_nodes(body, lambda);
-                forces.iter().map(|(_, force)| DVec3::from_array(*force).length_squared()).sum::<f64>().sqrt()
-            };
-            size(&predicted) > RISE * size(&self.included)
-        };
+        let size = |body: usize, lambda: &[f64]| self.rows.norm_on_nodes(body, lambda);
+        let rises = |body: usize| size(body, &predicted) > RISE * size(body, &self.included);
         if ended.converged && !(0..self.nodes.len()).any(rises) {
             self.included = predicted;
         }

@@ -47,8 +47,8 @@ pub struct ContactPoint {
     pub gap: f64,
     /// Force on the first body, N; that on the second is its opposite.
     pub force: DVec3,
-    /// Displacement of the first body relative to the second in the step (of a static one in its last solve), along the directions in which the law lets them slide, m:
-    /// tangential for a contact, in the blade's plane for an edge, along its path for an attachment. As small as the contact solve's residual
+    /// Displacement of the first body relative to the second in the step (of a static one in its last solve), along the directions in which the
+    /// law lets them slide, m: tangential for a contact, in the blade's plane for an edge, along its path for an attachment. As small as the contact solve's residual
     /// (`residual_m`) where friction holds.
     pub slip: DVec3,
 }
