@@ -80,7 +80,8 @@ const LINEARISED_PLANES: usize = 12;
 fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
     let rows = params.nodes_y as usize;
     let most = (rows / STRIP).max(4);
-    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / NARROW).clamp(1, most) };
+    // an even number, since three strips take two threads as long as four
+    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / NARROW / 2 * 2).clamp(1, most) };
     (0..count).map(|s| rows * s / count..rows * (s + 1) / count).collect()
 }
 

@@ -3,7 +3,8 @@
 //! `P` interpolates bilinearly in x and y: node `2i` of the finer level is node `i` of the coarser one, odd nodes lie between two. The
 //! duplicates of a node share its unknown on the coarser level: a cut changes nothing there. `F` is the DOF mask. Units: N.
 
-use super::{Params, Source};
+use super::{PARALLEL, Params, Source};
+use crate::math::wide::{Lanes, Task};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 
@@ -20,40 +21,72 @@ pub fn restriction<R: Real>(
     w: &[V4<R>],            // [node] N
     coarse_r: &mut [V4<R>], // [coarse node] N
 ) {
-    let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
-    let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
-    let halves = [0.5, 1.0, 0.5].map(R::of); // share of the fine nodes before, at and behind a coarse one
-    let has_duplicates = params.extra_columns > 0;
-    let one_row = |(row, out): (usize, &mut [V4<R>])| {
-        let (y, level) = (2 * (row % coarse_y), row / coarse_y);
-        // fine nodes around each coarse one, row by row
-        for (i, out) in out.iter_mut().enumerate() {
-            let mut sum = [R::zero(); 4];
-            for (y, of_row) in (y.saturating_sub(1)..nodes_y.min(y + 2)).map(|at| (at, halves[at + 1 - y])) {
-                let first = nodes_x * (y + nodes_y * level);
-                for x in (2 * i).saturating_sub(1)..nodes_x.min(2 * i + 2) {
-                    let (node, weight) = (first + x, of_row * halves[x + 1 - 2 * i]);
-                    add(&mut sum, &r[node], &w[node], weight);
-                    if has_duplicates {
+    let coarse_x = params.coarse_cells()[0] + 1;
+    let rows = (CHUNK / coarse_x).max(1);
+    let some = |(chunk, out): (usize, &mut [V4<R>])| {
+        R::widest(Rows { params, free: coarse_free, split, r, w, first: chunk * rows, out });
+    };
+    coarse_r.par_chunks_mut(rows * coarse_x).enumerate().for_each(some);
+}
+
+/// Coarse nodes that a thread takes at once: four times as many fine ones.
+const CHUNK: usize = PARALLEL / 4;
+
+/// Some rows of coarse nodes.
+struct Rows<'a, R> {
+    params: &'a Params<R>,
+    free: &'a [V4<R>],
+    split: &'a [u32],
+    r: &'a [V4<R>],
+    w: &'a [V4<R>],
+    first: usize, // row
+    out: &'a mut [V4<R>],
+}
+
+impl<R: Real> Task<R> for Rows<'_, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, _: L) {
+        let Rows { params, free, split, r, w, first, out } = self;
+        let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
+        let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
+        let halves = [0.5, 1.0, 0.5].map(R::of); // share of the fine nodes before, at and behind a coarse one
+        // sums along y, with one node more on both sides
+        let mut sums = vec![[R::zero(); 4]; nodes_x + 2];
+        for (row, out) in (first..).zip(out.chunks_exact_mut(coarse_x)) {
+            let (y, level) = (2 * (row % coarse_y), row / coarse_y);
+            let inner = &mut sums[1..=nodes_x];
+            inner.fill([R::zero(); 4]);
+            for (y, weight) in (y.saturating_sub(1)..nodes_y.min(y + 2)).map(|at| (at, halves[at + 1 - y])) {
+                let nodes = nodes_x * (y + nodes_y * level)..nodes_x * (y + 1 + nodes_y * level);
+                let (r_row, w_row) = (r[nodes.clone()].as_flattened(), w[nodes].as_flattened());
+                let sums = inner.as_flattened_mut();
+                for n in 0..sums.len().min(r_row.len()).min(w_row.len()) {
+                    sums[n] += (r_row[n] - w_row[n]) * weight;
+                }
+                if params.extra_columns > 0 {
+                    for (x, sum) in inner.iter_mut().enumerate() {
                         for e in params.extra_columns_beside(split, nodes_x * y + x) {
                             let copy = params.copy_id(e, level);
-                            add(&mut sum, &r[copy], &w[copy], weight);
+                            for n in 0..3 {
+                                sum[n] += (r[copy][n] - w[copy][n]) * weight;
+                            }
                         }
                     }
                 }
             }
-            let free = &coarse_free[row * coarse_x + i];
-            *out = [sum[0] * free[0], sum[1] * free[1], sum[2] * free[2], R::zero()];
+            // along x
+            let free = &free[row * coarse_x..][..coarse_x];
+            for i in 0..coarse_x {
+                // the last coarse node of an even number lies beyond the fine ones
+                let behind = sums.get(2 * i + 2).copied().unwrap_or_default();
+                let [before, at] = [sums[2 * i], sums[2 * i + 1]];
+                for n in 0..3 {
+                    out[i][n] = (before[n] * halves[0] + at[n] + behind[n] * halves[2]) * free[i][n];
+                }
+                out[i][3] = R::zero();
+            }
         }
-    };
-    let rows = coarse_r.par_chunks_exact_mut(coarse_x).enumerate();
-    rows.with_min_len(super::PARALLEL.div_ceil(coarse_x)).for_each(one_row);
-}
-
-/// `sum += (r − w) weight`
-#[inline(always)]
-fn add<R: Real>(sum: &mut V4<R>, r: &V4<R>, w: &V4<R>, weight: R) {
-    for n in 0..4 {
-        sum[n] += (r[n] - w[n]) * weight;
     }
 }

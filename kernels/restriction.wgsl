@@ -17,23 +17,24 @@ fn restriction(thread: Thread) {
     let offset = slot * params.node_count;
     let at = vec3<u32>(2u * (i % size.x), 2u * ((i / size.x) % size.y), i / (size.x * size.y));
     var sum = vec3<f32>(0.0);
-    for (var dy = 0u; dy < 3u; dy += 1u) {
-        for (var dx = 0u; dx < 3u; dx += 1u) {
-            let x = at.x + dx; // one more than the node's
-            let y = at.y + dy;
+    // one more than the node's
+    for (var x = at.x; x < at.x + 3u; x += 1u) {
+        var along_y = vec3<f32>(0.0);
+        for (var y = at.y; y < at.y + 3u; y += 1u) {
             if x < 1u || y < 1u || x > params.nodes_x || y > params.nodes_y { continue; }
-            let weight = select(0.5, 1.0, dx == 1u) * select(0.5, 1.0, dy == 1u);
+            let weight = select(0.5, 1.0, y == at.y + 1u);
             let column = (x - 1u) + params.nodes_x * (y - 1u);
             let node = offset + column + params.nodes_x * params.nodes_y * at.z;
-            sum += (r[node].xyz - w[node].xyz) * weight;
+            along_y += (r[node].xyz - w[node].xyz) * weight;
             if params.extra_columns == 0u { continue; }
             var next = split[2u * params.extra_columns + column];
             while next != 0u {
                 let copy = offset + copy_id(params, next - 1u, at.z);
-                sum += (r[copy].xyz - w[copy].xyz) * weight;
+                along_y += (r[copy].xyz - w[copy].xyz) * weight;
                 next = split[params.extra_columns + next - 1u];
             }
         }
+        sum += along_y * select(0.5, 1.0, x == at.x + 1u);
     }
     coarse_r[slot * count + i] = vec4<f32>(sum * coarse_free[i].xyz, 0.0);
 }

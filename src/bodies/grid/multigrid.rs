@@ -158,16 +158,22 @@ impl<S: Real> Hierarchy<S> {
         let Arrays { params, stiffness, block, free, rotation, .. } = finest;
         let (free, rotation) = (same(of.free).unwrap_or(free), same(of.rotation).unwrap_or(rotation));
         block.resize(4 * params.node_count as usize, [S::zero(); 4]);
-        blocks(params, stiffness, of.layer_of, rotation, free, of.split.0, block);
-        factor(params, block);
-        let mut finer = (*params, rotation);
-        for level in coarse {
-            coarsen(&finer.0, finer.1, &mut level.rotation);
-            level.frames.update(&level.params, &level.rotation, &[]);
-            blocks(&level.params, &level.stiffness, of.layer_of, &level.rotation, &level.free, &[], &mut level.block);
-            factor(&level.params, &mut level.block);
-            finer = (level.params, &level.rotation);
-        }
+        let finest_level = || {
+            blocks(params, stiffness, of.layer_of, rotation, free, of.split.0, block);
+            factor(params, block);
+        };
+        // they ask for the finest level's rotations alone, not for its columns
+        let coarse_levels = || {
+            let mut finer = (*params, rotation);
+            for level in coarse {
+                coarsen(&finer.0, finer.1, &mut level.rotation);
+                level.frames.update(&level.params, &level.rotation, &[]);
+                blocks(&level.params, &level.stiffness, of.layer_of, &level.rotation, &level.free, &[], &mut level.block);
+                factor(&level.params, &mut level.block);
+                finer = (level.params, &level.rotation);
+            }
+        };
+        rayon::join(finest_level, coarse_levels);
     }
 
     /// Operators of all levels, finest first, after [`Hierarchy::refresh`] with the same arrays.
