@@ -58,7 +58,7 @@ fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
     };
     by_columns(block.as_chunks_mut::<4>().0, columns)
         .into_par_iter()
-        .with_min_len((parts_at_once(params) / 4).max(1))
+        .with_min_len((parts_at_once(params) / 2).max(1))
         .for_each(one_part);
 }
 

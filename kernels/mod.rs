@@ -293,9 +293,7 @@ pub const PART: usize = 32;
 
 /// Minimum number of elements per thread of the CPU path; fewer are not worth distributing: with 2048, corrections of the incision's 3750
 /// nodes took 1.3 times as long on two threads as on one.
-pub const PARALLEL: usize = PAR;
-pub fn par(k: usize) -> usize { static S: std::sync::OnceLock<[usize;4]> = std::sync::OnceLock::new(); S.get_or_init(|| { let g=|n: &str, d: usize| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d); [g("PCOL",4096), g("PTRANS",8192), g("PSTRIP",0), g("PALONE",4096)] })[k] }
-pub const PAR: usize = 8192;
+pub const PARALLEL: usize = 8192;
 
 /// Piece of each z-level for one part, `[level][column of the part]`.
 pub type Levels<'a, T> = Vec<&'a mut [T]>;
@@ -312,9 +310,9 @@ pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
     parts
 }
 
-/// Number of parts of [`by_columns`] with [`PARALLEL`] nodes.
+/// Number of parts of [`by_columns`] that a thread takes at least: half of [`PARALLEL`] nodes, which cost 5 ns each.
 pub fn parts_at_once<R>(params: &Params<R>) -> usize {
-    (par(0) / (PART * params.nodes_z as usize)).max(1)
+    (PARALLEL / 2 / (PART * params.nodes_z as usize)).max(1)
 }
 
 /// Offset (0 or 1) of a corner along x, y, z.

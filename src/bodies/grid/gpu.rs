@@ -281,9 +281,9 @@ fn make_levels(
 ) -> Result<Vec<Level>> {
     made.gpu.making("multigrid");
     let slots = params.slot_count as usize;
-    let count = multigrid.coarse.len();
+    let levels = 1 + multigrid.coarse.len();
     let d = made.vec4("d", params.node_count as usize * slots)?;
-    let first = steps(multigrid.largest, count == 0);
+    let first = steps(multigrid.largest, 0, levels);
     let finest = finest.joined(&Arrays::of(&[d]));
     let layer_of = finest.get("layer_of");
     let mut out = vec![Level { arrays: finest, params: *params, main: main.clone(), steps: first }];
@@ -306,7 +306,7 @@ fn make_levels(
         // an array of its own, so that the finest level's sums persist
         own.push(made.zeros::<f32>("partial_product", params.product_groups as usize * slots)?);
         let main = made.params(&params);
-        let steps = steps(level.largest, number + 1 == count);
+        let steps = steps(level.largest, 1 + number, levels);
         out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
     }
     Ok(out)
