@@ -7,7 +7,7 @@
 
 use super::blocks::{Block, pack, unpack};
 use super::columns::by_component;
-use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
+use super::{PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{M3, Real, V3, V4};
 use rayon::prelude::*;
 
@@ -43,9 +43,9 @@ pub fn inverse_of_definite<R: Real>(m: M3<R>) -> M3<R> {
 
 fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
     let columns = params.columns();
-    let one_part = |mut block: Levels<[V4<R>; 4]>| {
+    let one_part = |block: &mut [&mut [[V4<R>; 4]]]| {
         let mut below = [M3::zero(); PART]; // Uᵀ D'⁻¹ U of the node below
-        for level in &mut block {
+        for level in block {
             for (c, packed) in level.iter_mut().enumerate() {
                 let own = unpack(packed.as_slice());
                 let d = inverse_of_definite(own.d - below[c]);
@@ -56,10 +56,8 @@ fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
             by_component(level.as_flattened_mut());
         }
     };
-    by_columns(block.as_chunks_mut::<4>().0, columns)
-        .into_par_iter()
-        .with_min_len((parts_at_once(params) / 2).max(1))
-        .for_each(one_part);
+    let (mut pieces, levels) = by_columns(block.as_chunks_mut::<4>().0, columns);
+    pieces.par_chunks_exact_mut(levels).with_min_len((parts_at_once(params) / 2).max(1)).for_each(one_part);
 }
 
 #[cfg(test)]

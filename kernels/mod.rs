@@ -295,19 +295,17 @@ pub const PART: usize = 32;
 /// nodes took 1.3 times as long on two threads as on one.
 pub const PARALLEL: usize = 8192;
 
-/// Piece of each z-level for one part, `[level][column of the part]`.
-pub type Levels<'a, T> = Vec<&'a mut [T]>;
-
-/// Splits a nodal array into parts of [`PART`] z-columns for threads.
-pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
-    let levels = array.len().div_ceil(columns);
-    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(PART)).map(|_| Vec::with_capacity(levels)).collect();
-    for level in array.chunks_mut(columns) {
-        for (part, piece) in parts.iter_mut().zip(level.chunks_mut(PART)) {
-            part.push(piece);
+/// Splits a nodal array into parts of [`PART`] z-columns for threads: `[part × level]` pieces, and the number of levels.
+pub fn by_columns<T>(array: &mut [T], columns: usize) -> (Vec<&mut [T]>, usize) {
+    let (parts, levels) = (columns.div_ceil(PART), (array.len() / columns).max(1));
+    let mut pieces: Vec<&mut [T]> = vec![];
+    pieces.resize_with(parts * levels, Default::default);
+    for (k, level) in array.chunks_exact_mut(columns).enumerate() {
+        for (part, piece) in level.chunks_mut(PART).enumerate() {
+            pieces[part * levels + k] = piece;
         }
     }
-    parts
+    (pieces, levels)
 }
 
 /// Number of parts of [`by_columns`] that a thread takes at least: half of [`PARALLEL`] nodes, which cost 5 ns each.

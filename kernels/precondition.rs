@@ -3,7 +3,7 @@
 //! Units: r N, z m.
 
 use super::columns::{Components, Ends, from_nodes, solve_columns};
-use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
+use super::{PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 
@@ -27,14 +27,15 @@ pub fn precondition<R: Real>(
 
 fn precondition_set<R: Real>(params: &Params<R>, block: &[V4<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
     let columns = params.columns();
-    let one_part = |(part, mut z): (usize, Levels<V4<R>>)| -> R {
+    let one_part = |(part, z): (usize, &mut [&mut [V4<R>]])| -> R {
         let mut gamma = [R::zero(); PART];
         let ends = Preconditioned { columns, r: &r[part * PART..], gamma: &mut gamma };
-        solve_columns(columns, part, block, &mut z, ends);
+        solve_columns(columns, part, block, z, ends);
         gamma.into_iter().sum()
     };
-    let sums: Vec<R> =
-        by_columns(z, columns).into_par_iter().enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
+    let (mut pieces, levels) = by_columns(z, columns);
+    let parts = pieces.par_chunks_exact_mut(levels).enumerate().with_min_len(parts_at_once(params));
+    let sums: Vec<R> = parts.map(one_part).collect();
     sums.into_iter().sum()
 }
 

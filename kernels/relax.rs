@@ -6,7 +6,7 @@
 //! Units: r w N; z d m.
 
 use super::columns::{Components, Ends, from_nodes, solve_columns};
-use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
+use super::{PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 
@@ -39,28 +39,29 @@ fn relax_set<R: Real>(
     z: &mut [V4<R>],
 ) -> R {
     let columns = params.columns();
-    let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
-    let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
-        let [mut w, d, z]: [Levels<V4<R>>; 3] = [w, d, z];
+    let ((mut w, levels), (mut d, _), (mut z, _)) =
+        (by_columns(w, columns), by_columns(d, columns), by_columns(z, columns));
+    let pieces = w.par_chunks_exact_mut(levels).zip(d.par_chunks_exact_mut(levels)).zip(z.par_chunks_exact_mut(levels));
+    let one_part = |(part, ((w, d), z)): (usize, ((&mut [_], &mut [_]), &mut [_]))| -> R {
         let mut gamma = [R::zero(); PART];
         let ends = Relaxed { params, r: &r[part * PART..], d, z, gamma: &mut gamma };
-        solve_columns(columns, part, block, &mut w, ends);
+        solve_columns(columns, part, block, w, ends);
         gamma.into_iter().sum()
     };
-    let sums: Vec<R> = parts.enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
+    let sums: Vec<R> = pieces.enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
     sums.into_iter().sum()
 }
 
 /// The nodes of a part.
-struct Relaxed<'a, R> {
+struct Relaxed<'a, 'b, R> {
     params: &'a Params<R>,
-    r: &'a [V4<R>], // from its first column on
-    d: Levels<'a, V4<R>>,
-    z: Levels<'a, V4<R>>,
+    r: &'a [V4<R>],               // from its first column on
+    d: &'a mut [&'b mut [V4<R>]], // [level][column]
+    z: &'a mut [&'b mut [V4<R>]],
     gamma: &'a mut [R; PART], // [column] r·z
 }
 
-impl<R: Real> Ends<R> for Relaxed<'_, R> {
+impl<R: Real> Ends<R> for Relaxed<'_, '_, R> {
     #[inline(always)]
     fn load(&mut self, level: usize, w: &[V4<R>], load: &mut Components<R>) {
         let r = &self.r[level * self.params.columns()..][..w.len()];
