@@ -11,7 +11,6 @@
 pub mod accelerate;
 pub mod advance;
 pub mod ahead;
-pub mod anchors;
 pub mod auxiliary_correction;
 pub mod auxiliary_restriction;
 pub mod auxiliary_rotations;
@@ -50,6 +49,7 @@ pub mod product;
 pub mod prolongation;
 pub mod relax;
 pub mod residual;
+pub mod rest_springs;
 pub mod restriction;
 pub mod rhs;
 pub mod rotations;
@@ -127,7 +127,7 @@ pub const ALL: &[&Source] = &[
     &accelerate::SOURCE,
     &advance::SOURCE,
     &ahead::SOURCE,
-    &anchors::SOURCE,
+    &rest_springs::SOURCE,
     &auxiliary_correction::SOURCE,
     &auxiliary_restriction::SOURCE,
     &auxiliary_rotations::SOURCE,

@@ -63,7 +63,7 @@ pub(super) struct Conserved {
     /// `[node]` DOF mask and mass, kg.
     free: Vec<V4<f64>>,
     /// `[node]` stiffness of its rest-shape spring, N/m; no rigid motion moves it where there is one.
-    anchored: Vec<f64>,
+    rest_stiffness: Vec<f64>,
     /// kg
     mass: f64,
     /// s
@@ -83,14 +83,14 @@ impl Conserved {
 
     fn new(model: &Model, law: &Hyperelastic) -> Self {
         let count = model.rest.len() as f64;
-        let mut anchored = vec![0.0; model.rest.len()];
-        let anchors = model.anchors.nodes.iter().zip(&model.anchors.stiffness);
-        anchors.for_each(|(node, stiffness)| anchored[*node as usize] = *stiffness);
+        let mut rest_stiffness = vec![0.0; model.rest.len()];
+        let rest_springs = model.rest_springs.nodes.iter().zip(&model.rest_springs.stiffness);
+        rest_springs.for_each(|(node, stiffness)| rest_stiffness[*node as usize] = *stiffness);
         let middle = [0, 1, 2].map(|n| model.rest.iter().map(|x| x[n]).sum::<f64>() / count);
         Self {
             rest: model.rest.iter().map(|x| [0, 1, 2].map(|n| x[n] - middle[n])).collect(),
             free: model.free.clone(),
-            anchored,
+            rest_stiffness,
             mass: model.free.iter().map(|free| free[3]).sum(),
             step: model.step.step,
             law: law.clone(),
@@ -133,7 +133,7 @@ impl Conserved {
         // energy that damping takes: the work without that of inertia and of rest-shape springs
         let stored = |node: usize| {
             let squared: f64 = (0..3).map(|n| self.free[node][n] * dx[node][n] * dx[node][n]).sum();
-            (2.0 * self.free[node][3] / (self.step * self.step) + 0.5 * self.anchored[node]) * squared
+            (2.0 * self.free[node][3] / (self.step * self.step) + 0.5 * self.rest_stiffness[node]) * squared
         };
         let damped = linear - (0..dx.len()).map(stored).sum::<f64>();
         // kinetic energy of what is not rigid, and what it has in common with the rigid motion
@@ -188,7 +188,7 @@ impl Conserved {
         let mut matrix = [[0.0; 6]; 6];
         for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
             let (mode, free) = (self.mode(node, axis, u), self.free[node]);
-            let rests = free[axis] == 0.0 || self.anchored[node] > 0.0;
+            let rests = free[axis] == 0.0 || self.rest_stiffness[node] > 0.0;
             let weight = if rests { HELD * self.mass } else { free[3] };
             (0..36).for_each(|n| matrix[n / 6][n % 6] += weight * mode[n / 6] * mode[n % 6]);
         }

@@ -11,7 +11,7 @@ pub struct Counts {
     /// Unconstrained degrees of freedom.
     pub dof: usize,
     /// Nodes with a rest-shape spring.
-    pub anchors: usize,
+    pub rest_springs: usize,
     /// Nodes on prescribed paths.
     pub driven: usize,
     /// Springs; 0 for hexahedra.
@@ -22,7 +22,7 @@ impl Counts {
     /// Goes over the nodes of a body and keeps nothing of them.
     pub fn new(scene: &Scene, body: usize, grid: &Grid) -> Self {
         let boundaries: Vec<_> = scene.boundaries.iter().filter(|b| b.body == body).collect();
-        let anchors: Vec<_> = scene.anchors.iter().filter(|a| a.body == body).collect();
+        let rest_springs: Vec<_> = scene.rest_springs.iter().filter(|a| a.body == body).collect();
         let springs = match scene.skins[body].law {
             Law::Springs { .. } => Springs::count(grid),
             _ => 0,
@@ -38,14 +38,16 @@ impl Counts {
             }
             Self {
                 dof: holding.iter().filter(|held| held.is_none()).count(),
-                anchors: usize::from(anchors.iter().any(|anchor| grid.contains(&anchor.region, node))),
+                rest_springs: usize::from(
+                    rest_springs.iter().any(|rest_spring| grid.contains(&rest_spring.region, node)),
+                ),
                 driven: usize::from(holding.iter().flatten().any(|boundary| !boundary.path.is_empty())),
                 springs: 0,
             }
         };
         let add = |a: Self, b: Self| Self {
             dof: a.dof + b.dof,
-            anchors: a.anchors + b.anchors,
+            rest_springs: a.rest_springs + b.rest_springs,
             driven: a.driven + b.driven,
             springs: a.springs + b.springs,
         };

@@ -19,14 +19,14 @@ pub(super) fn check(scene: &Scene, body: usize, grid: &Grid) -> Result<()> {
     }
     // regions without a node
     let boundaries = scene.boundaries.iter().map(|own| ("boundary".to_string(), own.body, &own.region));
-    let anchors = scene.anchors.iter().map(|own| ("anchor".to_string(), own.body, &own.region));
+    let rest_springs = scene.rest_springs.iter().map(|own| ("rest_spring".to_string(), own.body, &own.region));
     let ties = scene.attachments.iter().map(|own| ("attach".to_string(), own.body, &own.region));
     let probes = scene.probes.iter().filter_map(|probe| {
         let (body, region) = probe.kind.region()?;
         Some((format!("probe {}", probe.name), body, region))
     });
     let empty = |(_, of, region): &(String, usize, &Region)| *of == body && grid.count_in(region) == 0;
-    if let Some((what, ..)) = boundaries.chain(anchors).chain(ties).chain(probes).find(empty) {
+    if let Some((what, ..)) = boundaries.chain(rest_springs).chain(ties).chain(probes).find(empty) {
         return Err(Refused::EmbeddedRegion { at: scene.file.display().to_string(), what }.into());
     }
     // points in cells that are gone

@@ -8,7 +8,7 @@
 
 use super::{Holds, Model, Wound, rate};
 use crate::kernels::rotations::mean_gradient;
-use crate::kernels::{ahead, anchors, momentum, rhs};
+use crate::kernels::{ahead, momentum, rest_springs, rhs};
 use crate::math::{M3, V3, V4, norm};
 use crate::scene::{Integrator, Mass};
 use serde::{Deserialize, Serialize};
@@ -60,8 +60,9 @@ pub struct Solved {
 /// cells), at the state's displacements or its own.
 pub fn elastic_energy(model: &Model, state: &Snapshot, rotation: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
-    let anchored = model.anchors.energy(&state.u, mechanics.stays(model, rotation, &state.split, &state.law));
-    anchored + mechanics.energy(model, state, rotation)
+    let on_rest_springs =
+        model.rest_springs.energy(&state.u, mechanics.stays(model, rotation, &state.split, &state.law));
+    on_rest_springs + mechanics.energy(model, state, rotation)
 }
 
 /// Energy of bodies, J.
@@ -135,7 +136,8 @@ pub fn damped(model: &Model, wound: &Wound, solved: &Solved) -> f64 {
     let mut sum = 0.0;
     for (node, (moving, still)) in of(1.0).into_iter().zip(of(0.0)).enumerate() {
         let [dx, mean] = [solved.dx[node], momenta[node]].map(V3::from4);
-        let spring = model.anchors.nodes.binary_search(&(node as u32)).map_or(0.0, |k| model.anchors.stiffness[k]);
+        let spring =
+            model.rest_springs.nodes.binary_search(&(node as u32)).map_or(0.0, |k| model.rest_springs.stiffness[k]);
         let drag = mean * (model.step.rayleigh_mass * solved.start.free[node][3]);
         sum += dx.dot(V3::of(moving) - V3::of(still) + drag) + model.step.rayleigh_stiffness * spring / h * dx.dot(dx);
     }
@@ -179,10 +181,10 @@ pub(super) fn count_cells(model: &Model, state: &Snapshot, holds: &Holds) -> u32
 pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
     let still = Solved { dx: vec![[0.0; 4]; solved.start.u.len()], ..solved.clone() };
     let (rest, _, f) = equations(model, &still);
-    let mut anchored = vec![[0.0; 4]; f.len()];
+    let mut on_rest_springs = vec![[0.0; 4]; f.len()];
     let Snapshot { u, free, .. } = &still.start;
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, u, &mut anchored);
-    let largest = [&f, &anchored, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
+    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, u, &mut on_rest_springs);
+    let largest = [&f, &on_rest_springs, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
     (norm(&rest), largest)
 }
 
@@ -212,14 +214,14 @@ fn equations(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64, Vec<V4<f64>>
     let params = model.params::<f64>();
     let Snapshot { u, v, free, .. } = &solved.start;
     let count = u.len();
-    let in_system = model.anchors.all_in_system(rate(&model.step), free);
+    let in_system = model.rest_springs.all_in_system(rate(&model.step), free);
     let mut at = u.clone(); // displacements at which elastic forces are evaluated
     ahead::ahead(&params, u, v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
     let mean_v = mean_velocities(model, &solved.start);
     let mut b = vec![[0.0; 4]; count];
     let mut load = rhs::rhs(&params, &f, &mean_v, free, &solved.load, &mut b);
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, &at, &mut b);
+    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, &at, &mut b);
     load += driven(model, solved, &at, &in_system);
     for i in 0..count {
         for n in 0..3 {

@@ -5,7 +5,6 @@
 //! Dirichlet conditions and loads, in flat arrays that never change during a run. The rest of the program sees the [`Model`], its [`Wound`]
 //! and these interfaces, never the elements. Nodes are those of a regular [`Grid`], or, of tetrahedra, of a mesh file.
 
-mod anchors;
 mod counts;
 pub mod cpu;
 mod embedded;
@@ -16,6 +15,7 @@ mod loads;
 mod paths;
 mod places;
 mod refused;
+mod rest_springs;
 pub mod rigid;
 pub mod springs;
 mod start;
@@ -23,7 +23,6 @@ mod step;
 pub mod tetrahedra;
 mod wound;
 
-pub use anchors::{Anchors, rate};
 pub use counts::Counts;
 pub use energy::{
     Energy, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual, out_of_balance,
@@ -31,6 +30,7 @@ pub use energy::{
 };
 pub use paths::Paths;
 pub use refused::Refused;
+pub use rest_springs::{RestSprings, rate};
 pub use step::Step;
 pub use wound::{Loose, Removal, Totals, Wound};
 
@@ -41,7 +41,7 @@ use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::{Carved, Grid, MaterialPoint, Unstructured};
-use crate::scene::{Anchor, Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
+use crate::scene::{Law, Layer, MOST_NODES, Mass, Region, RestSpring, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
@@ -232,7 +232,7 @@ pub struct Model {
     /// the grid's.
     pub free: Vec<[f64; 4]>,
     /// Rest-shape springs.
-    pub anchors: Anchors,
+    pub rest_springs: RestSprings,
     /// `[node]` prescribed displacement of fixed axes without paths, m.
     pub prescribed: Vec<[f64; 3]>,
     /// Fixed nodes that follow paths.
@@ -290,8 +290,8 @@ impl Model {
         {
             law.fill(&model.grid, &skin.layers);
         }
-        let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
-        model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
+        let rest_springs: Vec<RestSpring> = scene.rest_springs.iter().filter(|a| a.body == body).cloned().collect();
+        model.rest_springs = RestSprings::new(&rest_springs, |rest_spring| model.grid.nodes_in(&rest_spring.region));
         model.set_masses(&skin.layers);
         model.hold(scene);
         // reserve for the nodes that a cut duplicates
@@ -348,8 +348,8 @@ impl Model {
         } else {
             Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
         };
-        if skin.mass == Mass::Consistent && scene.anchors.iter().any(|a| a.body == body) {
-            return Err(Refused::AnchoredMass.into());
+        if skin.mass == Mass::Consistent && scene.rest_springs.iter().any(|a| a.body == body) {
+            return Err(Refused::RestSpringMass.into());
         }
         let mut model = Self {
             rest: vec![],
@@ -358,7 +358,7 @@ impl Model {
             shape,
             mass: skin.mass,
             free: vec![],
-            anchors: Anchors::default(),
+            rest_springs: RestSprings::default(),
             prescribed: vec![],
             paths: Paths::default(),
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
@@ -450,8 +450,8 @@ impl Model {
     }
 
     /// Number of nodes with a rest-shape spring.
-    pub fn anchor_count(&self) -> usize {
-        self.counts.map_or(self.anchors.nodes.len(), |counts| counts.anchors)
+    pub fn rest_spring_count(&self) -> usize {
+        self.counts.map_or(self.rest_springs.nodes.len(), |counts| counts.rest_springs)
     }
 
     /// Number of nodes on prescribed paths.
@@ -577,10 +577,11 @@ impl Model {
     pub fn host_bytes(&self) -> u64 {
         // rest positions and prescribed displacements; DOF masks and masses, with the reserve of duplicates
         let nodes = self.own_nodes() * 2 * size_of::<[f64; 3]>() + self.node_count() * size_of::<[f64; 4]>();
-        let anchors = self.anchor_count() * (size_of::<u32>() + size_of::<f64>());
+        let rest_springs = self.rest_spring_count() * (size_of::<u32>() + size_of::<f64>());
         let mesh = self.grid.unstructured.as_ref().map_or(0, |unstructured| unstructured.bytes());
         let embedded = self.grid.embedded.as_ref().map_or(0, |embedded| embedded.bytes());
-        (nodes + anchors + mesh + embedded + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
+        (nodes + rest_springs + mesh + embedded + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self))
+            as u64
     }
 
     /// Number of nodes inside a region.

@@ -71,9 +71,9 @@ pub enum Refused {
 
     /// Rest-shape springs on a body with consistent mass.
     #[error(
-        "rest-shape springs (anchors) need lumped nodal masses, and this skin's mass is consistent; take a lumped or uniform mass"
+        "rest-shape springs need lumped nodal masses, and this skin's mass is consistent; take a lumped or uniform mass"
     )]
-    AnchoredMass,
+    RestSpringMass,
 
     /// What tetrahedra do not have.
     #[error("{what} is not for tetrahedra (element = \"tetra\" or \"plain_tetra\"); {fix}, or take element = \"bbar\"")]
@@ -192,7 +192,7 @@ impl Refused {
             Self::SweptQuads { .. } => EDGE_SPACING,
             Self::Layers { .. }
             | Self::Nodes { .. }
-            | Self::AnchoredMass
+            | Self::RestSpringMass
             | Self::SpringProbe { .. }
             | Self::SpringFit { .. }
             | Self::EmbeddedThin { .. }

@@ -197,7 +197,7 @@ impl Wound {
         let held = |cell: usize| {
             surface.corners_of(cell).into_iter().any(|node| {
                 let original = surface.original(node) as u32;
-                self.free[node][..3].contains(&0.0) || model.anchors.nodes.binary_search(&original).is_ok()
+                self.free[node][..3].contains(&0.0) || model.rest_springs.nodes.binary_search(&original).is_ok()
             })
         };
         let found = parted(&seeds, |cell| surface.linked(cell), held);

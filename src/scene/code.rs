@@ -18,7 +18,7 @@ impl Default for Scene {
             solver: Solver::default(),
             skins: vec![],
             boundaries: vec![],
-            anchors: vec![],
+            rest_springs: vec![],
             inclusions: vec![],
             loads: vec![],
             tools: vec![],
@@ -287,12 +287,12 @@ impl Scene {
             )?;
             check_region(&part.of("region"), &boundary.region)?;
         }
-        for (k, anchor) in self.anchors.iter().enumerate() {
-            several("anchors", k).index("body", anchor.body, skins)?;
-            several("anchors", k).positive("stiffness", &[anchor.stiffness])?;
-            check_region(&several("anchors", k).of("region"), &anchor.region)?;
-            let lumped = self.skins[anchor.body].mass != Mass::Consistent;
-            let part = several("anchors", k);
+        for (k, spring) in self.rest_springs.iter().enumerate() {
+            several("rest_springs", k).index("body", spring.body, skins)?;
+            several("rest_springs", k).positive("stiffness", &[spring.stiffness])?;
+            check_region(&several("rest_springs", k).of("region"), &spring.region)?;
+            let lumped = self.skins[spring.body].mass != Mass::Consistent;
+            let part = several("rest_springs", k);
             part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
         }
         for (k, inclusion) in self.inclusions.iter().enumerate() {

@@ -181,10 +181,10 @@ pub enum Invalid {
 
     /// Rest-shape springs with a consistent mass.
     #[error(
-        "{at}: an anchor needs lumped nodal masses, which mass = \"consistent\" does not have; \
+        "{at}: a rest-shape spring needs lumped nodal masses, which mass = \"consistent\" does not have; \
              use mass = \"lumped\" or \"uniform\", or hold the region with [[boundary]]"
     )]
-    AnchoredMass {
+    RestSpringMass {
         /// Where.
         at: Location,
     },

@@ -77,7 +77,7 @@ pub struct Scene {
     /// Dirichlet conditions on regions; none for a free body.
     pub boundaries: Vec<Boundary>,
     /// Regions with rest-shape springs.
-    pub anchors: Vec<Anchor>,
+    pub rest_springs: Vec<RestSpring>,
     /// Regions of bodies with another stiffness than their layers.
     pub inclusions: Vec<Inclusion>,
     /// Loads on surfaces.
@@ -467,7 +467,7 @@ pub enum Element {
 
 /// Rest-shape springs at the nodes of a region.
 #[derive(Clone, Debug)]
-pub struct Anchor {
+pub struct RestSpring {
     /// Index of the deformable body.
     pub body: usize,
     /// Nodes.

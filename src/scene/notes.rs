@@ -59,7 +59,7 @@ impl Scene {
                 _ => continue,
             };
             out.push(format!(
-                "nothing holds `{name}` and nothing is under it, so {by} it away; hold a region of it with [[boundary]], [[anchor]] or \
+                "nothing holds `{name}` and nothing is under it, so {by} it away; hold a region of it with [[boundary]], [[rest_spring]] or \
                  [[attach]], put a [[plane]] under it, or leave out gravity and loads"
             ));
         }
@@ -106,7 +106,7 @@ impl Scene {
         let along = |axes: [bool; 3]| g == DVec3::ZERO || (0..3).any(|n| axes[n] && g[n] != 0.0);
         let hand = |k: usize| self.tools[k].free.is_none();
         let own = matches!(id, BodyId::Deformable(body) if {
-            self.boundaries.iter().any(|b| b.body == body && along(b.axes)) || self.anchors.iter().any(|a| a.body == body)
+            self.boundaries.iter().any(|b| b.body == body && along(b.axes)) || self.rest_springs.iter().any(|a| a.body == body)
         });
         let wall = self.planes.iter().any(|plane| g == DVec3::ZERO || DVec3::from_array(plane.normal).dot(g) < 0.0);
         let tools = (0..self.tools.len()).filter(|k| hand(*k)).map(BodyId::Rigid);

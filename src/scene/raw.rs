@@ -78,7 +78,8 @@ pub(super) struct Scene {
     #[serde(default)]
     pub boundary: Vec<Table<Boundary>>,
     #[serde(default)]
-    pub anchor: Vec<Table<Anchor>>,
+    #[serde(alias = "anchor")]
+    pub rest_spring: Vec<Table<RestSpring>>,
     #[serde(default)]
     pub inclusion: Vec<Table<Inclusion>>,
     #[serde(default)]
@@ -172,7 +173,7 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
-/// Keys that define a region; they occur in the tables of boundaries, anchors, loads and probes.
+/// Keys that define a region; they occur in the tables of boundaries, rest-shape springs, loads and probes.
 pub(super) struct Extent {
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -203,7 +204,7 @@ macro_rules! with_extent {
         }
     )*};
 }
-with_extent!(Boundary, Anchor, Load, Probe, Attach);
+with_extent!(Boundary, RestSpring, Load, Probe, Attach);
 
 impl Inclusion {
     /// Takes the keys of its region, a solid.
@@ -254,7 +255,7 @@ pub(super) struct Inclusion {
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Anchor {
+pub(super) struct RestSpring {
     pub body: Option<At<String>>,
     pub region: At<String>,
     pub box_mm: Option<Points>,

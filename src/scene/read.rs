@@ -12,9 +12,9 @@ use super::text::{
     ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector, tables,
 };
 use super::{
-    Anchor, Boundary, Correction, EDGE_SPACING, Inclusion, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin,
-    Solver, TestForm, Time, attach_of, body, cells_of, check_of, device_of, devices, hyperelastic, integrator, loads,
-    outputs, reserve_of, round, study, tools,
+    Boundary, Correction, EDGE_SPACING, Inclusion, Integrator, Law, Mass, PRECONDITIONER, RestSpring, STEP, Scene,
+    Skin, Solver, TestForm, Time, attach_of, body, cells_of, check_of, device_of, devices, hyperelastic, integrator,
+    loads, outputs, reserve_of, round, study, tools,
 };
 use crate::error;
 use std::collections::BTreeMap;
@@ -129,7 +129,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         lines,
         solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
-        anchors: anchors(&scene, raw.anchor, &names, &skins, &grids)?,
+        rest_springs: rest_springs(&scene, raw.rest_spring, &names, &skins, &grids)?,
         inclusions: inclusions(&scene, raw.inclusion, &names, &skins, &grids, integrator)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
@@ -229,21 +229,21 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
 }
 
 /// Regions with rest-shape springs.
-fn anchors(
+fn rest_springs(
     scene: &SceneText,
-    list: Vec<Table<raw::Anchor>>,
+    list: Vec<Table<raw::RestSpring>>,
     names: &Names,
     skins: &[Skin],
     grids: &[Vec<Grid>],
-) -> Result<Vec<Anchor>> {
-    let one = |table: Table<raw::Anchor>| {
+) -> Result<Vec<RestSpring>> {
+    let one = |table: Table<raw::RestSpring>| {
         let mut raw = table.keys;
         let body = names.skin(scene, &raw.body, table.span.clone())?;
         if skins[body].mass == Mass::Consistent {
-            return Err(Invalid::AnchoredMass { at: scene.location(table.span) });
+            return Err(Invalid::RestSpringMass { at: scene.location(table.span) });
         }
         let extent = raw.extent();
-        Ok(Anchor {
+        Ok(RestSpring {
             body,
             region: region(scene, &raw.region, extent, &grids[body])?,
             stiffness: scene.number("stiffness_n_m", &raw.stiffness_n_m, STIFFNESS, Bound::Positive)?,

@@ -9,7 +9,7 @@
 //!
 //! With the displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`,
 //! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`]; M lumped, uniform or consistent;
-//! rest-shape springs, [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
+//! rest-shape springs, [`crate::bodies::RestSprings`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
 //! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
 //! ([`crate::bodies::grid::direct`]). Newmark's method, the midpoint rule and symplectic Euler have other factors in the same `A` and `b`
 //! ([`crate::bodies::Step`]). A hyperelastic body has its own `f_int` and the linearised `K` of

@@ -240,7 +240,7 @@ impl Body {
             if mass == 0.0 {
                 continue; // it has left the system
             }
-            let spring = model.anchors.nodes.binary_search(node).map_or(0.0, |k| model.anchors.stiffness[k]);
+            let spring = model.rest_springs.nodes.binary_search(node).map_or(0.0, |k| model.rest_springs.stiffness[k]);
             let [u, v] = known.moved(*node as usize);
             let pulled = ((u + v * rate) * spring).f64();
             let pushed = contact.binary_search_by_key(node, |f| f.0).map_or([0.0; 3], |k| contact[k].1);

@@ -4,8 +4,8 @@ use cutis::bodies::Model;
 use cutis::math::random::Random;
 use cutis::mesh::{MaterialPoint, Surface};
 use cutis::scene::{
-    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Lines, Load, LoadKind,
-    Material, Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
+    BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Lines, Load, LoadKind, Material, Pose,
+    Preconditioner, Probe, ProbeKind, Region, RestSpring, Round, Scene, Skin, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 use std::collections::BTreeMap;
@@ -425,7 +425,7 @@ fn pad(count: u32, cells: [u32; 3]) -> Scene {
     let mut scene = Scene { skins: vec![skin], ..Scene::default() };
     scene.solver.tolerance = 1e-6;
     let low = Region::Box { min: [-1.0, -1.0, 0.0], max: [1.0, 1.0, 1.5e-3] };
-    scene.anchors.push(Anchor { body: 0, region: low.clone(), stiffness: 2000.0 });
+    scene.rest_springs.push(RestSpring { body: 0, region: low.clone(), stiffness: 2000.0 });
     let pose = |time, z| Pose { time, position: [1e-3, 0.5e-3, z], ..Pose::default() };
     scene.tools.push(Tool {
         name: "ball".into(),
@@ -488,7 +488,7 @@ fn a_ball_on_an_embedded_block_feels_the_block() {
     let pressed = |skin: Skin| {
         let mut scene = pad(8, [4, 4, 4]);
         scene.skins = vec![skin];
-        scene.anchors.clear();
+        scene.rest_springs.clear();
         scene.boundaries.push(held(Region::Bottom, [true; 3]));
         scene.probes.truncate(1);
         let pose = |time, z| Pose { time, position: [0.0, 0.0, z], ..Pose::default() };

@@ -40,8 +40,8 @@ fn read(text: &str) -> Scene {
 fn skin(size: &str, element: Element) -> Scene {
     let mut scene = read(&text(size));
     scene.skins[0].law = Law::Fem { element, corotational: true };
-    let of = |scene: &Scene| Model::new(scene, 0).expect("a valid scene").anchor_count() as f64;
-    scene.anchors[0].stiffness *= of(&read(&text("fine"))) / of(&scene);
+    let of = |scene: &Scene| Model::new(scene, 0).expect("a valid scene").rest_spring_count() as f64;
+    scene.rest_springs[0].stiffness *= of(&read(&text("fine"))) / of(&scene);
     scene.view.frames = 0;
     scene
 }
@@ -420,7 +420,7 @@ fn a_skin_of_a_mesh_goes_on_from_its_state_on_any_number_of_threads() {
 #[test]
 fn a_free_mesh_rests_on_a_wall_with_its_weight() {
     let mut scene = skin("coarse", Tetra);
-    (scene.anchors, scene.tools, scene.probes) = (vec![], vec![], vec![]);
+    (scene.rest_springs, scene.tools, scene.probes) = (vec![], vec![], vec![]);
     scene.planes = vec![Plane { name: "table".into(), through: [0.0; 3], normal: [0.0, 0.0, 1.0] }];
     scene.solver.tolerance = 1e-5;
     if let Some(contact) = &mut scene.contact {
@@ -440,7 +440,7 @@ fn a_free_mesh_rests_on_a_wall_with_its_weight() {
 #[test]
 fn probes_of_a_mesh_have_its_volume_and_shares() {
     let mut scene = skin("coarse", Tetra);
-    (scene.anchors, scene.tools, scene.contact) = (vec![], vec![], None);
+    (scene.rest_springs, scene.tools, scene.contact) = (vec![], vec![], None);
     scene.time.gravity = [0.0; 3];
     scene.skins[0].displacement = [1e-3, 2e-3, -3e-3];
     scene.probes.truncate(2);
@@ -461,7 +461,7 @@ fn probes_of_a_mesh_have_its_volume_and_shares() {
 /// The skin in static steps without contact, and no probes.
 fn still(element: Element) -> Scene {
     let mut scene = skin("coarse", element);
-    (scene.anchors, scene.tools, scene.contact, scene.probes) = (vec![], vec![], None, vec![]);
+    (scene.rest_springs, scene.tools, scene.contact, scene.probes) = (vec![], vec![], None, vec![]);
     (scene.time.integrator, scene.solver.tolerance, scene.solver.max_iterations) = (Integrator::Static, 1e-13, 5000);
     (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.0, 0.0);
     scene.solver.floor = 1e-17;

@@ -170,7 +170,7 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
-            "anchors" | "prescribe" => vec![self.ids().len() as u32, 0, 0, 0],
+            "rest_springs" | "prescribe" => vec![self.ids().len() as u32, 0, 0, 0],
             "scatter" => vec![self.ids().len() as u32, 1, 0, 0],
             "gather" => vec![self.ids().len() as u32 - Self::FIRST, Self::FIRST, 0, 0],
             "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
@@ -390,7 +390,7 @@ impl Body {
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
-            "anchor" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
+            "spring_stiffness" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
             "rest" => self.rest(&mut random),
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()

@@ -76,8 +76,8 @@ const CASES: &[Case] = cases! {
         "denominator > 0.0 &&" => "denominator != 0.0 &&",
         "request.w == 2.0" => "request.w == 3.0", "max(tail.x, request.x * sums.w)" => "tail.x"
     ]
-    anchors Ids false [
-        "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
+    rest_springs Ids false [
+        "* spring_stiffness[k]" => "* spring_stiffness[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
     auxiliary_correction Nodes true [
         "+ weighted[n]" => "", "* weight[n]" => "", "* free[i].xyz" => "", "slot * (arrayLength(&auxiliary_z) / params.slot_count)" => "slot * params.node_count",

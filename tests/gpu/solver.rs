@@ -10,7 +10,7 @@ use cutis::linear::Outcome;
 use cutis::math::{V3, V4};
 use cutis::scene::Mass::{Consistent, Lumped};
 use cutis::scene::Preconditioner::{Block, Column, Jacobi, Multigrid};
-use cutis::scene::{Anchor, Element, Law, Load, Mass, Preconditioner, Region, Scene};
+use cutis::scene::{Element, Law, Load, Mass, Preconditioner, Region, RestSpring, Scene};
 
 type Test = Box<dyn Fn(&Gpu) -> Result<(), Failure> + Send>;
 
@@ -38,7 +38,7 @@ const FLOOR: f64 = 1e-9;
 const COLUMNS: usize = 4;
 
 /// The middle third of a three-layer block is pressed.
-fn scene(law: Law, mass: Mass, preconditioner: Preconditioner, anchored: bool) -> Scene {
+fn scene(law: Law, mass: Mass, preconditioner: Preconditioner, on_rest_springs: bool) -> Scene {
     let layers = [(2, 1.2e-3, 34e3, 0.45, 971.0), (2, 1.0e-3, 200e3, 0.45, 1116.0), (1, 0.1e-3, 1000e3, 0.45, 1116.0)];
     let mut scene = small::block([6e-3; 2], [6; 2], &layers);
     // so short that a consistent mass weighs as much as stiffness
@@ -47,9 +47,9 @@ fn scene(law: Law, mass: Mass, preconditioner: Preconditioner, anchored: bool) -
     (scene.skins[0].law, scene.skins[0].mass) = (law, mass);
     scene.boundaries = vec![small::held(Region::Bottom, [true; 3])];
     scene.loads = vec![Load::on_top(&scene.skins[0], 10e3, [-1e-3; 2], [1e-3; 2])];
-    if anchored {
+    if on_rest_springs {
         // every node on a spring, a node's share of the cells' stiffness along x here
-        scene.anchors = vec![Anchor { body: 0, region: Region::All, stiffness: 20.0 }];
+        scene.rest_springs = vec![RestSpring { body: 0, region: Region::All, stiffness: 20.0 }];
     }
     scene
 }
@@ -82,7 +82,7 @@ pub fn tests() -> Vec<(String, Test)> {
     for (name, law, mass) in cases {
         let tetrahedral = law.is_tetrahedral();
         let preconditioner = if tetrahedral { Block } else { Column };
-        let case = Case { name, law, mass, preconditioner, anchored: false };
+        let case = Case { name, law, mass, preconditioner, on_rest_springs: false };
         for (kind, preconditioner) in PRECONDITIONERS {
             if preconditioner == Multigrid && name == "springs" || preconditioner == Column && tetrahedral {
                 continue;
@@ -97,12 +97,12 @@ pub fn tests() -> Vec<(String, Test)> {
         }
         all.push((format!("two_steps_of_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         if mass != Consistent {
-            let case = Case { anchored: true, ..case };
-            all.push((format!("two_steps_of_anchored_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
+            let case = Case { on_rest_springs: true, ..case };
+            all.push((format!("two_steps_of_on_rest_springs_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         }
     }
-    let case = Case { name: "hexahedra", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
-    all.push(("free_motion_of_anchored_hexahedra_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
+    let case = Case { name: "hexahedra", law: FEM, mass: Lumped, preconditioner: Multigrid, on_rest_springs: true };
+    all.push(("free_motion_of_on_rest_springs_hexahedra_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
 
@@ -113,7 +113,7 @@ struct Case {
     law: Law,
     mass: Mass,
     preconditioner: Preconditioner,
-    anchored: bool,
+    on_rest_springs: bool,
 }
 
 /// The same body on each backend.
@@ -130,7 +130,7 @@ impl Case {
     }
 
     fn model(self) -> Result<(Model, Vec<[f64; 3]>), Failure> {
-        let scene = scene(self.law, self.mass, self.preconditioner, self.anchored);
+        let scene = scene(self.law, self.mass, self.preconditioner, self.on_rest_springs);
         scene.check()?;
         let model = Model::new(&scene, 0)?;
         let load = model.load_at(&scene.loads, 0.0);

@@ -86,9 +86,15 @@ fn write_scalars<R: Real>(k: &Scalars<R>) -> [R; 8] {
     [k.alpha, k.beta, k.gamma, k.done, k.target_squared, k.residual_squared, k.iterations, k.state]
 }
 
-pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
+pub fn rest_springs<R: Real>(b: &Body) -> Outputs<R> {
     let mut right = b.v4::<R>("b");
-    kernels::anchors::anchors(&b.ids(), &b.scalars("anchor"), &b.v4("free"), &b.v4("u"), &mut right);
+    kernels::rest_springs::rest_springs(
+        &b.ids(),
+        &b.scalars("spring_stiffness"),
+        &b.v4("free"),
+        &b.v4("u"),
+        &mut right,
+    );
     vec![("b", flat(&right))]
 }
 

@@ -28,7 +28,7 @@ const SECTIONS: &[(&str, &str)] = &[
         "name = \"fat\"\nthickness_mm = 2.0\ncells = 2\nyoung_kpa = 50.0\npoisson = 0.4\ndensity_kg_m3 = 1000.0",
     ),
     ("[[boundary]]", "body = \"skin\"\nregion = \"bottom\""),
-    ("[[anchor]]", "body = \"skin\"\nregion = \"top\"\nstiffness_n_m = 10.0"),
+    ("[[rest_spring]]", "body = \"skin\"\nregion = \"top\"\nstiffness_n_m = 10.0"),
     (
         "[[inclusion]]",
         "body = \"skin\"\nregion = \"sphere\"\ncentre_mm = [0.0, 0.0, 1.0]\nradius_mm = 0.5\nyoung_kpa = 90.0",
@@ -139,7 +139,7 @@ fn given(key: &Key, value: Option<&str>) -> Result<Scene> {
     let at = header(key);
     let beside = BESIDE.iter().find(|(table, name, _)| {
         let region =
-            *table == "*" && ["[[boundary]]", "[[anchor]]", "[[load]]", "[[attach]]", "[[probe]]"].contains(&at);
+            *table == "*" && ["[[boundary]]", "[[rest_spring]]", "[[load]]", "[[attach]]", "[[probe]]"].contains(&at);
         (*table == at || region) && *name == key.name
     });
     let on_top =

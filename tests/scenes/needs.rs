@@ -7,7 +7,9 @@ use cutis::gpu::{Gpu, Made};
 use cutis::kernels::Params;
 use cutis::mesh::Parts;
 use cutis::report::inspect::{Plan, inspect};
-use cutis::scene::{Anchor, Correction, Element, Law, Mass, Material, Preconditioner, ProbeKind, Region, Scene, read};
+use cutis::scene::{
+    Correction, Element, Law, Mass, Material, Preconditioner, ProbeKind, Region, RestSpring, Scene, read,
+};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -115,7 +117,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
         }
     };
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
-    let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
+    let rest_springs = size_of_val(&model.rest_springs.nodes[..]) + size_of_val(&model.rest_springs.stiffness[..]);
     let mesh = model.grid.unstructured.as_ref().map_or(0, |of| {
         // triangles, their boxes twice, and which of them each tetrahedron is in
         let (mesh, boxes) = (&of.mesh, 2 * size_of_val(&of.outside.behind[..]));
@@ -129,7 +131,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
         let points = size_of_val(&of.nodes[..]) + size_of_val(&of.weights[..]);
         surface + cells + points + size_of_val(&of.outside[..]) + size_of_val(&of.behind[..])
     });
-    own + nodes + anchors + mesh + embedded + size_of_val(&model.shape[..])
+    own + nodes + rest_springs + mesh + embedded + size_of_val(&model.shape[..])
 }
 
 /// Sizes that a model of sizes states, beside those of the arrays that the model has.
@@ -138,12 +140,12 @@ fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
     let model = Model::new(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
     let sizes = Model::of_sizes(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
     assert!(sizes.rest.is_empty() && sizes.free.is_empty() && sizes.prescribed.is_empty(), "{name}");
-    assert!(sizes.anchors.nodes.is_empty() && sizes.paths.nodes.is_empty(), "{name}");
+    assert!(sizes.rest_springs.nodes.is_empty() && sizes.paths.nodes.is_empty(), "{name}");
     // nodes, degrees of freedom, springs of both kinds
     assert_eq!([sizes.own_nodes(), sizes.node_count()], [model.rest.len(), model.free.len()], "{name}");
     assert_eq!(
-        [sizes.anchor_count(), sizes.driven_count()],
-        [model.anchors.nodes.len(), model.paths.nodes.len()],
+        [sizes.rest_spring_count(), sizes.driven_count()],
+        [model.rest_springs.nodes.len(), model.paths.nodes.len()],
         "{name}"
     );
     assert_eq!(sizes.degrees_of_freedom(), model.degrees_of_freedom(), "{name}");
@@ -213,12 +215,12 @@ fn a_model_of_sizes_states_the_arrays_of_every_shipped_scene() {
 fn regions_that_overlap_are_counted_once() {
     let mut scene = small("incision.toml");
     scene.skins[0].mass = Mass::Lumped;
-    let anchor = |region| Anchor { body: 0, region, stiffness: 1.0 };
-    scene.anchors = vec![anchor(Region::Top), anchor(Region::Sides), anchor(Region::Top)];
+    let rest_spring = |region| RestSpring { body: 0, region, stiffness: 1.0 };
+    scene.rest_springs = vec![rest_spring(Region::Top), rest_spring(Region::Sides), rest_spring(Region::Top)];
     sizes_are_of_the_arrays(&scene, 0);
     let mut without = scene.clone();
-    without.anchors.pop();
-    let [a, b] = [scene, without].map(|scene| Model::of_sizes(&scene, 0).expect("valid").anchor_count());
+    without.rest_springs.pop();
+    let [a, b] = [scene, without].map(|scene| Model::of_sizes(&scene, 0).expect("valid").rest_spring_count());
     assert!(a == b && a > 0, "{a} {b}");
 }
 
@@ -245,7 +247,8 @@ fn beyond(with: &Scene, without: &Scene) -> Vec<String> {
 /// A skin on its bed, without anything else.
 fn bare() -> Scene {
     let mut scene = small("incision.toml");
-    (scene.tools, scene.contact, scene.probes, scene.loads, scene.anchors) = (vec![], None, vec![], vec![], vec![]);
+    (scene.tools, scene.contact, scene.probes, scene.loads, scene.rest_springs) =
+        (vec![], None, vec![], vec![], vec![]);
     scene.solver.preconditioner = Preconditioner::Column;
     scene.skins[0].mass = Mass::Lumped;
     law_of(&mut scene, true);
@@ -290,7 +293,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
     let held = cutis::scene::Region::Bottom;
     let displacement = probe(ProbeKind::Displacement { body: 0, point: [0.0; 3], axis: 2 });
     let reaction = probe(ProbeKind::Reaction { body: 0, region: held.clone(), axis: 2 });
-    let anchor = cutis::scene::Anchor { body: 0, region: held, stiffness: 1.0 };
+    let rest_spring = cutis::scene::RestSpring { body: 0, region: held, stiffness: 1.0 };
     let load = cutis::scene::Load {
         end: 1.0,
         ..cutis::scene::Load::on_top(&cutis::scene::Skin::default(), 1.0, [-1e-3; 2], [1e-3; 2])
@@ -384,15 +387,15 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
         ),
         ("a probe of a reaction", changed(&bare(), |s| s.probes.push(reaction)), bare(), &["1 wait state per step"]),
         (
-            "anchors",
-            changed(&bare(), |s| s.anchors.push(anchor)),
+            "rest_springs",
+            changed(&bare(), |s| s.rest_springs.push(rest_spring)),
             bare(),
             &[
-                "1 array anchors: anchor",
-                "1 array anchors: free",
-                "1 array anchors: ids",
-                "1 array anchors: params",
-                "1 kernel anchors",
+                "1 array rest_springs: free",
+                "1 array rest_springs: ids",
+                "1 array rest_springs: params",
+                "1 array rest_springs: spring_stiffness",
+                "1 kernel rest_springs",
             ],
         ),
         ("loads", changed(&bare(), |s| s.loads.push(load)), bare(), &["1 wait loads per step in which a load changes"]),

@@ -144,7 +144,7 @@ frames = 3
 size_px = [320, 200]
 eye_mm = [50, -70, 60]
 
-[[anchor]]
+[[rest_spring]]
 region = "sphere"
 centre_mm = [20, 10, 0]
 radius_mm = 6
@@ -173,7 +173,7 @@ young_kpa = 50
 poisson = 0.4
 density_kg_m3 = 1000
 
-[[anchor]]
+[[rest_spring]]
 region = "bottom"
 stiffness_n_m = 10
 "#;
@@ -389,8 +389,8 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     let (min, max) = ([-0.02, -0.01, 0.0], [-0.015, 0.01, 2.5e-3]);
     assert_eq!(scene.boundaries[1].region, Region::Box { min, max });
     assert_eq!(scene.boundaries[1].axes, [true, false, true]);
-    assert_eq!(scene.anchors[0].region, Region::Sphere { centre: [0.02, 0.01, 0.0], radius: 6e-3 });
-    assert_eq!(scene.anchors[0].stiffness, 40.0);
+    assert_eq!(scene.rest_springs[0].region, Region::Sphere { centre: [0.02, 0.01, 0.0], radius: 6e-3 });
+    assert_eq!(scene.rest_springs[0].stiffness, 40.0);
     assert_eq!(scene.boundaries[1].displacement, [-2e-3, 0.0, 0.0]);
     let load = &scene.loads[0];
     assert_eq!(load.kind, LoadKind::Pressure { pressure: 1500.0, follower: false });
@@ -1073,6 +1073,6 @@ fn a_blade_of_too_many_pieces_has_its_line() {
     let error = Error::from(cutis::bodies::Refused::SweptQuads { count: 300, most: 256 }).of_scene(&scene).to_string();
     assert!(error.contains(&format!("incision.toml:{wanted}: the blade's pieces: 300 wanted")), "{error}");
     // the counter-test: a body without one key to mend has the file alone
-    let error = Error::from(cutis::bodies::Refused::AnchoredMass).of_scene(&scene).to_string();
+    let error = Error::from(cutis::bodies::Refused::RestSpringMass).of_scene(&scene).to_string();
     assert!(error.contains("incision.toml: rest-shape"), "{error}");
 }

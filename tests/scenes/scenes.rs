@@ -109,7 +109,7 @@ fn what_floats_away_is_noted_and_what_floats_on_purpose_is_not() {
         (down, held("z")),
         (down, wall(1.0)),
         (down, fixed),
-        (down, "[[anchor]]\nregion = \"top\"\nstiffness_n_m = 1\n".into()),
+        (down, "[[rest_spring]]\nregion = \"top\"\nstiffness_n_m = 1\n".into()),
         (down, "[[attach]]\nregion = \"top\"\n".into()),
         (none, String::new()),
         (none, "[[load]]\npressure_kpa = 1\nregion = \"all\"\n".into()),

@@ -2,7 +2,7 @@
 //! theory says and not before.
 //!
 //! One vibration with closed forms: a column of one cell between smooth walls, its top moving up and down as one. With `M_o` the oedometer
-//! modulus, `k = M_o A/t` (and the anchors' springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
+//! modulus, `k = M_o A/t` (and the rest-shape springs' springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
 
 use super::setup::{
     Body, Random, apart as far, block, displaced, dot, epsilon, measured, model, scene, tolerance, xyz,
@@ -17,12 +17,12 @@ use cutis::math::norm;
 use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Midpoint, Newmark, Static, SymplecticEuler};
-use cutis::scene::{Anchor, Mass, Preconditioner, Region, Scene};
+use cutis::scene::{Mass, Preconditioner, Region, RestSpring, Scene};
 use cutis::step::{Platform, Refused, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("each_integrator_follows_its_textbook_recurrence", recurrences),
-    ("newmark_takes_consistent_masses_and_anchors", newmark_varieties),
+    ("newmark_takes_consistent_masses_and_rest_springs", newmark_varieties),
     ("true_residual_knows_each_integrator", true_residuals),
 ];
 pub const CASES: &[Case] = &[
@@ -55,9 +55,9 @@ const DRAG: f64 = 20.0; // 1/s
 const VISCOSITY: f64 = 1e-4; // s
 const GRAVITY: f64 = -3.0; // m/s²
 const THICKNESS: f64 = 2e-3; // m
-const ANCHORS: f64 = 7.0; // N/m at each of four nodes
+const REST_SPRINGS: f64 = 7.0; // N/m at each of four nodes
 
-fn column(integrator: Integrator, mass: Mass, anchored: bool, damped: bool) -> Column {
+fn column(integrator: Integrator, mass: Mass, on_rest_springs: bool, damped: bool) -> Column {
     let mut scene = block(Bbar, false);
     let skin = &mut scene.skins[0];
     (skin.cells, skin.size, skin.mass) = ([1, 1], [3e-3, 4e-3], mass);
@@ -69,13 +69,13 @@ fn column(integrator: Integrator, mass: Mass, anchored: bool, damped: bool) -> C
     scene.time.integrator = integrator;
     scene.time.gravity = if damped { [0.0, 0.0, GRAVITY] } else { [0.0; 3] };
     scene.boundaries = vec![held(Region::Bottom, [true; 3]), held(Region::All, [true, true, false])];
-    if anchored {
-        scene.anchors = vec![Anchor { body: 0, region: Region::Top, stiffness: ANCHORS }];
+    if on_rest_springs {
+        scene.rest_springs = vec![RestSpring { body: 0, region: Region::Top, stiffness: REST_SPRINGS }];
     }
     scene.solver.preconditioner = Preconditioner::Column;
     let oedometer = young * (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
     let area = 3e-3 * 4e-3;
-    let k = oedometer * area / THICKNESS + if anchored { 4.0 * ANCHORS } else { 0.0 };
+    let k = oedometer * area / THICKNESS + if on_rest_springs { 4.0 * REST_SPRINGS } else { 0.0 };
     let whole = density * area * THICKNESS;
     let m = if mass == Mass::Consistent { whole / 3.0 } else { whole / 2.0 };
     let c = if damped { DRAG * m + VISCOSITY * k } else { 0.0 };
@@ -171,8 +171,8 @@ fn recurrences(platform: &Platform) {
 }
 
 fn newmark_varieties(platform: &Platform) {
-    for (mass, anchored) in [(Mass::Consistent, false), (Mass::Lumped, true)] {
-        follows(platform, &column(Newmark, mass, anchored, true), Newmark);
+    for (mass, on_rest_springs) in [(Mass::Consistent, false), (Mass::Lumped, true)] {
+        follows(platform, &column(Newmark, mass, on_rest_springs, true), Newmark);
     }
 }
 
@@ -442,7 +442,7 @@ fn true_residuals(platform: &Platform) {
             let skin = &mut scene.skins[0];
             (skin.rayleigh_mass, skin.rayleigh_stiffness, skin.velocity) = (3.0, 1e-6, [0.1, 0.0, 0.2]);
             scene.boundaries = vec![held(Region::Bottom, [true; 3])];
-            scene.anchors = vec![Anchor { body: 0, region: Region::Top, stiffness: 2.0 }];
+            scene.rest_springs = vec![RestSpring { body: 0, region: Region::Top, stiffness: 2.0 }];
             (scene.time.integrator, scene.time.gravity) = (integrator, [0.0, 0.0, -9.81]);
             (scene.solver.preconditioner, scene.solver.refinements) = (preconditioner, refinements);
             scene.solver.tolerance = 10.0 * tolerance(platform);

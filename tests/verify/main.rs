@@ -4,7 +4,6 @@
 //! functions over [`Platform`] and run in f64, in f32 and, where there is an adapter, on the GPU; without one the GPU runs are listed as
 //! ignored with the reason, and `CUTIS_GPU=require` makes that a failure. `CUTIS_MEASURED=1` prints what was measured.
 
-mod anchors;
 mod dense;
 mod differences;
 mod direct;
@@ -23,6 +22,7 @@ mod prestrain;
 mod probes;
 mod refinement;
 mod release;
+mod rest_springs;
 mod setup;
 mod skin_block;
 mod slit;
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
     let groups: [&[Case]; 22] = [
-        anchors::CASES,
+        rest_springs::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
@@ -90,7 +90,7 @@ fn main() -> ExitCode {
         slit::CASES,
     ];
     let everywhere: [&[Everywhere]; 18] = [
-        anchors::EVERYWHERE,
+        rest_springs::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         integrators::EVERYWHERE,

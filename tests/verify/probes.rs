@@ -11,8 +11,8 @@ use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain, PlainTetra, Tetra};
 use cutis::scene::{
-    Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, LoadKind, Material, Motion,
-    Plane, Pose, Probe, ProbeKind, Region, Round, Scene, Tool,
+    Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, LoadKind, Material, Motion, Plane,
+    Pose, Probe, ProbeKind, Region, RestSpring, Round, Scene, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 
@@ -27,7 +27,7 @@ pub const EVERYWHERE: &[Everywhere] = &[
     ("a_reaction_bears_weight_and_load_in_one_static_step", borne),
     ("a_reaction_of_held_nodes_has_their_own_weight_and_load", all_held),
     ("reactions_are_the_change_of_momentum", momentum),
-    ("a_reaction_of_anchors_is_what_they_hold", anchored),
+    ("a_reaction_of_rest_springs_is_what_they_hold", on_rest_springs),
     ("a_point_between_nodes_is_interpolated", between),
     ("a_stretched_block_has_its_closed_form", stretched),
     ("a_hyperelastic_block_has_its_closed_form", hyperelastic),
@@ -160,15 +160,16 @@ fn momentum(place: &Platform) {
     }
 }
 
-fn anchored(place: &Platform) {
+fn on_rest_springs(place: &Platform) {
     for (law, steps) in [(LINEAR, 1), (NEO_HOOKEAN, 1), (SPRINGS, 12)] {
         let mut scene = static_block(place, law);
-        scene.anchors.push(Anchor { body: 0, region: Region::Bottom, stiffness: 25.0 });
+        scene.rest_springs.push(RestSpring { body: 0, region: Region::Bottom, stiffness: 25.0 });
         let total = loaded(&mut scene);
         reactions(&mut scene, &Region::Bottom);
         reactions(&mut scene, &Region::Top);
         let (report, _) = run(&scene, place, steps);
-        (0..3).for_each(|n| close(&format!("anchors {law:?}"), place, report.probes[n], -total[n], total[2].abs()));
+        (0..3)
+            .for_each(|n| close(&format!("rest_springs {law:?}"), place, report.probes[n], -total[n], total[2].abs()));
         assert_eq!(report.probes[3..], [0.0; 3], "nothing holds the top");
     }
 }

@@ -9,11 +9,11 @@ use super::{
     Vector,
 };
 use crate::bodies::cpu::{System, Workspace};
-use crate::bodies::{Anchors, Model, Removal, rate};
+use crate::bodies::{Model, Removal, RestSprings, rate};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, integrate, prescribe, rhs};
+use crate::kernels::{Params, ahead, blocks, bounds, cut, duplicate, integrate, prescribe, rest_springs, rhs};
 use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::scene::Mass;
@@ -45,9 +45,9 @@ pub struct CpuBackend<R> {
     f: Vec<V4<R>>,
     free: Vec<V4<R>>,   // DOF mask and mass as in A
     masses: Vec<V4<R>>, // DOF mask and mass without rest-shape springs; empty if there are none
-    anchors: Anchors,
-    anchor: Vec<R>,
-    anchor_rate: f64,
+    rest_springs: RestSprings,
+    rest_stiffness: Vec<R>,
+    rest_rate: f64,
     load: Vec<V4<R>>,
     load_squared: R,
     // [slot][node]
@@ -90,7 +90,7 @@ impl<R: Real> CpuBackend<R> {
         let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
         let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
         let system = model.system::<R>();
-        let (anchors, anchor_rate) = (model.anchors.clone(), rate(&model.step));
+        let (rest_springs, rest_rate) = (model.rest_springs.clone(), rate(&model.step));
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
             params: Params { node_count: node_count as u32, ..params },
@@ -113,10 +113,10 @@ impl<R: Real> CpuBackend<R> {
             mean_v: zeros(usize::from(model.mass == Mass::Consistent)),
             f: zeros(1),
             free: in_use(&model.in_system()),
-            masses: if anchors.nodes.is_empty() { vec![] } else { in_use(&model.free) },
-            anchor: anchors.stiffness.iter().map(|k| R::of(*k)).collect(),
-            anchor_rate,
-            anchors,
+            masses: if rest_springs.nodes.is_empty() { vec![] } else { in_use(&model.free) },
+            rest_stiffness: rest_springs.stiffness.iter().map(|k| R::of(*k)).collect(),
+            rest_rate,
+            rest_springs,
             load: zeros(1),
             load_squared: R::zero(),
             x: zeros(slots),
@@ -200,7 +200,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         let masses = if self.masses.is_empty() { &self.free } else { &self.masses };
         self.load_squared = rhs::rhs(&params, &self.f, v, masses, &self.load, &mut self.r);
-        anchors::anchors(&self.anchors.nodes, &self.anchor, masses, at, &mut self.r);
+        rest_springs::rest_springs(&self.rest_springs.nodes, &self.rest_stiffness, masses, at, &mut self.r);
         if self.explicit {
             return Ok(());
         }
@@ -325,7 +325,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             duplicate::duplicate(self.node_count, &removal.copies, values);
         }
         for (node, value) in &removal.free {
-            let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
+            let in_system = self.rest_springs.in_system(self.rest_rate, *node, *value);
             let node = *node as usize;
             self.free[node] = round(&in_system);
             if let Some(mass) = self.masses.get_mut(node) {

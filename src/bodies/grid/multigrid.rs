@@ -4,7 +4,7 @@
 //! each z-column of nodes exactly (layers are thin, so the coupling along z is stiff), accelerated by Chebyshev polynomials on `[λ/20, λ]`,
 //! with the bound `λ` of `bodies::grid::levels`. The coarsest level gets one longer polynomial.
 //!
-//! Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–5 and 9–11 at ν 0.45, 8–11 and 20–24 at ν 0.49 (`benches/results`). Tried and
+//! Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–6 and 10–11 at ν 0.45, 9–12 and 22–25 at ν 0.49 (`benches/results`). Tried and
 //! rejected: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev
 //! polynomials of the fourth kind (no better); more sweeps on the coarsest level (no effect); four-colour Gauss–Seidel over columns (in the
 //! prototype a little less work than degree 2, with four times the dispatches).

@@ -51,7 +51,7 @@ impl Model {
                 scaled[i] = std::array::from_fn(|n| if n < 3 { q[i][n] * root[i] * self.free[i][n] } else { 0.0 });
             }
             product(&params, &modes, layers, &upright, &self.free[..count], &scaled, &mut force, &mut scratch);
-            for (node, stiffness) in self.anchors.nodes.iter().zip(&self.anchors.stiffness) {
+            for (node, stiffness) in self.rest_springs.nodes.iter().zip(&self.rest_springs.stiffness) {
                 let i = *node as usize;
                 (0..3).for_each(|n| force[i][n] += stiffness * scaled[i][n]);
             }

@@ -180,7 +180,7 @@ impl Auxiliary {
 fn scene_of_grid(scene: &Scene, body: usize, cover: Option<&Cover>) -> Scene {
     let mut scene = scene.clone();
     scene.tools.clear();
-    scene.anchors.clear();
+    scene.rest_springs.clear();
     scene.solver.preconditioner = Preconditioner::Multigrid;
     let skin = &mut scene.skins[body];
     skin.law = Law::Fem { element: Element::Bbar, corotational: true };

@@ -274,9 +274,9 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
         !(0..grid.node_count()).any(|node| grid.contains(region, node))
     };
     let regions = scene.boundaries.iter().map(|b| (b.body, &b.region));
-    let anchored = scene.anchors.iter().map(|a| (a.body, &a.region));
+    let on_rest_springs = scene.rest_springs.iter().map(|a| (a.body, &a.region));
     let probed = scene.probes.iter().filter(|p| measured(scene, &p.name)).filter_map(|p| p.kind.region());
-    if regions.chain(anchored).chain(probed).any(|(body, region)| empty(body, region)) {
+    if regions.chain(on_rest_springs).chain(probed).any(|(body, region)| empty(body, region)) {
         return Err(Unfit::EmptyRegion { factor }.of(scene));
     }
     Ok(out)

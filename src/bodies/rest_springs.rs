@@ -7,12 +7,12 @@
 
 use super::{Model, Step};
 use crate::math::{V3, V4};
-use crate::scene::Anchor;
+use crate::scene::RestSpring;
 use std::collections::BTreeMap;
 
 /// Rest-shape springs of a body.
 #[derive(Clone, Debug, Default)]
-pub struct Anchors {
+pub struct RestSprings {
     /// Node ids in ascending order, without duplicates.
     pub nodes: Vec<u32>,
     /// `[spring]` N/m; summed where regions overlap.
@@ -24,13 +24,13 @@ pub fn rate(step: &Step) -> f64 {
     step.stiffness_factor() / step.inertia()
 }
 
-impl Anchors {
+impl RestSprings {
     /// From the scene's regions; `nodes_in` lists the nodes of one.
-    pub fn new(list: &[Anchor], nodes_in: impl Fn(&Anchor) -> Vec<u32>) -> Self {
+    pub fn new(list: &[RestSpring], nodes_in: impl Fn(&RestSpring) -> Vec<u32>) -> Self {
         let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
-        for anchor in list {
-            for node in nodes_in(anchor) {
-                *sum.entry(node).or_default() += anchor.stiffness;
+        for springs in list {
+            for node in nodes_in(springs) {
+                *sum.entry(node).or_default() += springs.stiffness;
             }
         }
         let (nodes, stiffness) = sum.into_iter().unzip();
@@ -68,6 +68,6 @@ impl Anchors {
 impl Model {
     /// `[node]` DOF masks and masses as in `A`.
     pub fn in_system(&self) -> Vec<V4<f64>> {
-        self.anchors.all_in_system(rate(&self.step), &self.free)
+        self.rest_springs.all_in_system(rate(&self.step), &self.free)
     }
 }

@@ -1,4 +1,4 @@
-//! Anchors: springs from nodes to their rest positions, against the oscillator's closed form, balance of forces, and a fixed boundary.
+//! RestSprings: springs from nodes to their rest positions, against the oscillator's closed form, balance of forces, and a fixed boundary.
 //!
 //! A block all of whose nodes weigh the same and hang on equal springs moves as one oscillator, whatever its law: translation strains no
 //! cell. With one implicit step `((1 + h r_M)/h² m + (1 + r_K/h) k) Δx = m g + m v/h − k u`.
@@ -9,38 +9,38 @@ use super::small::held;
 use super::{Case, Everywhere};
 use cutis::backend::{Backend, Needs, on_cpu};
 use cutis::bodies::Wound;
-use cutis::bodies::{Anchors, Model, Solved, elastic_energy, true_residual};
+use cutis::bodies::{Model, RestSprings, Solved, elastic_energy, true_residual};
 use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::Bbar;
-use cutis::scene::{Anchor, Law, Mass, Preconditioner, Region, Scene};
+use cutis::scene::{Law, Mass, Preconditioner, Region, RestSpring, Scene};
 use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
-    ("anchored_block_follows_the_oscillators_closed_form", oscillator),
-    ("anchors_bear_what_presses_the_block", balance),
-    ("anchored_scene_is_solved_to_its_tolerance", scene_residual),
+    ("rest_spring_block_follows_the_oscillators_closed_form", oscillator),
+    ("rest_springs_bear_what_presses_the_block", balance),
+    ("rest_spring_scene_is_solved_to_its_tolerance", scene_residual),
 ];
 pub const CASES: &[Case] = &[
-    ("stiff_anchors_approach_a_fixed_boundary_with_one_over_k", fixed_limit),
-    ("stiff_anchors_cost_multigrid_no_more_than_a_fixed_boundary", iterations),
-    ("every_preconditioner_solves_the_anchored_block_alike", preconditioners),
-    ("true_residual_knows_the_anchors", residual_without_anchors),
-    ("energy_of_an_anchored_block_never_rises", energy),
-    ("anchors_outlive_a_cut_and_masses_follow_it", cut),
+    ("stiff_rest_springs_approach_a_fixed_boundary_with_one_over_k", fixed_limit),
+    ("stiff_rest_springs_cost_multigrid_no_more_than_a_fixed_boundary", iterations),
+    ("every_preconditioner_solves_the_on_rest_springs_block_alike", preconditioners),
+    ("true_residual_knows_the_rest_springs", residual_without_rest_springs),
+    ("energy_of_an_on_rest_springs_block_never_rises", energy),
+    ("rest_springs_outlive_a_cut_and_masses_follow_it", cut),
 ];
 
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
 const SPRINGS: Law = Law::Springs { stiffness: Some(30.0), damping: 0.1 };
 
-fn anchored(law: Law, region: Region, stiffness: f64) -> Scene {
+fn on_rest_springs(law: Law, region: Region, stiffness: f64) -> Scene {
     let mut scene = block(Bbar, true);
     scene.skins[0].law = law;
     if matches!(law, Law::Springs { .. }) {
         scene.solver.preconditioner = Preconditioner::Column;
     }
-    scene.anchors = vec![Anchor { body: 0, region, stiffness }];
+    scene.rest_springs = vec![RestSpring { body: 0, region, stiffness }];
     scene
 }
 
@@ -49,7 +49,7 @@ fn oscillator(platform: &Platform) {
     const STIFFNESS: f64 = 0.4; // N/m
     const START: [f64; 3] = [3e-4, -2e-4, 1e-4]; // m
     for law in [LINEAR, COROTATIONAL, SPRINGS] {
-        let mut scene = anchored(law, Region::All, STIFFNESS);
+        let mut scene = on_rest_springs(law, Region::All, STIFFNESS);
         scene.skins[0].mass = Mass::Uniform;
         (scene.time.step, scene.time.gravity) = (2e-3, [1.0, -2.0, -9.81]);
         (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (5.0, 1e-3);
@@ -79,7 +79,7 @@ fn oscillator(platform: &Platform) {
             state.u.iter().map(off).fold(0.0, f64::max) / size
         };
         let off = far(exact(STIFFNESS, damping));
-        measured(&format!("anchored oscillator {platform:?} {law:?}"), off, 0.0);
+        measured(&format!("on_rest_springs oscillator {platform:?} {law:?}"), off, 0.0);
         // each step adds its solve's and its sum's rounding
         let bound = 4.0 * STEPS as f64 * (tolerance(platform) + 8.0 * epsilon(platform));
         assert!(off < bound, "{platform:?} {law:?}: {off:e} above {bound:e}");
@@ -110,20 +110,21 @@ fn pressed(platform: &Platform, mut scene: Scene) -> (Body, V4<f64>) {
 
 fn balance(platform: &Platform) {
     for law in [LINEAR, Law::Springs { stiffness: Some(30.0), damping: 0.0 }] {
-        let (mut body, total) = pressed(platform, anchored(law, Region::Bottom, 25.0));
-        let anchors = body.model.anchors.clone();
+        let (mut body, total) = pressed(platform, on_rest_springs(law, Region::Bottom, 25.0));
+        let rest_springs = body.model.rest_springs.clone();
         if matches!(law, Law::Springs { .. }) {
             // springs are linear at the step's start alone: on to where the forces balance
             (0..8).for_each(|_| body.step());
         }
         let u = body.state().u;
-        let by_springs: V4<f64> = anchors.nodes.iter().zip(&anchors.stiffness).fold([0.0; 4], |s, (node, k)| {
-            let d = u[*node as usize];
-            [s[0] + k * d[0], s[1] + k * d[1], s[2] + k * d[2], 0.0]
-        });
-        // the cells' forces on anchored nodes are those of the springs, which a reaction probe adds up
+        let by_springs: V4<f64> =
+            rest_springs.nodes.iter().zip(&rest_springs.stiffness).fold([0.0; 4], |s, (node, k)| {
+                let d = u[*node as usize];
+                [s[0] + k * d[0], s[1] + k * d[1], s[2] + k * d[2], 0.0]
+            });
+        // the cells' forces on held by rest-shape springs nodes are those of the springs, which a reaction probe adds up
         let forces = body.forces();
-        let by_cells = anchors.nodes.iter().fold([0.0; 4], |s, node| {
+        let by_cells = rest_springs.nodes.iter().fold([0.0; 4], |s, node| {
             let f = forces[*node as usize];
             [s[0] - f[0], s[1] - f[1], s[2] - f[2], 0.0]
         });
@@ -141,8 +142,8 @@ fn balance(platform: &Platform) {
 }
 
 fn fixed() -> Scene {
-    let mut scene = anchored(LINEAR, Region::Bottom, 1.0);
-    scene.anchors.clear();
+    let mut scene = on_rest_springs(LINEAR, Region::Bottom, 1.0);
+    scene.rest_springs.clear();
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     scene
 }
@@ -150,36 +151,36 @@ fn fixed() -> Scene {
 fn fixed_limit() {
     let wanted = pressed(&Platform::Cpu64, fixed()).0.state().u;
     let off = [1e4, 1e5, 1e6].map(|k| {
-        let u = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, k)).0.state().u;
+        let u = pressed(&Platform::Cpu64, on_rest_springs(LINEAR, Region::Bottom, k)).0.state().u;
         apart(&u, &wanted)
     });
-    measured("anchors of 1e6 N/m beside a fixed boundary", off[2], 0.0);
+    measured("rest_springs of 1e6 N/m beside a fixed boundary", off[2], 0.0);
     for pair in off.windows(2) {
         let order = (pair[0] / pair[1]).log10();
         assert!((0.95..1.05).contains(&order), "order {order}: {off:?}");
     }
     assert!(off[2] < 1e-4, "{off:?}");
-    // the counter-test: soft anchors are no boundary
-    let soft = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, 1.0)).0.state().u;
+    // the counter-test: soft rest-shape springs are no boundary
+    let soft = pressed(&Platform::Cpu64, on_rest_springs(LINEAR, Region::Bottom, 1.0)).0.state().u;
     assert!(apart(&soft, &wanted) > 1.0, "{}", apart(&soft, &wanted));
 }
 
 fn preconditioners() {
     use Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
     let with = |preconditioner| {
-        let mut scene = anchored(LINEAR, Region::Bottom, 25.0);
+        let mut scene = on_rest_springs(LINEAR, Region::Bottom, 25.0);
         scene.solver.preconditioner = preconditioner;
         pressed(&Platform::Cpu64, scene).0.state().u
     };
     let wanted = with(Direct);
     for kind in [None, Jacobi, Block, Column, Multigrid] {
         let off = apart(&with(kind), &wanted);
-        measured(&format!("anchored block, {kind:?} beside direct"), off, 0.0);
+        measured(&format!("on_rest_springs block, {kind:?} beside direct"), off, 0.0);
         // the residual of 1e-12 times the block's condition, some 1e4 on springs softer than its cells
         assert!(off < 1e-8, "{kind:?}: {off:e}");
     }
     // the counter-test: a tenth less stiffness is another answer
-    let softer = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, 22.5)).0.state().u;
+    let softer = pressed(&Platform::Cpu64, on_rest_springs(LINEAR, Region::Bottom, 22.5)).0.state().u;
     assert!(apart(&softer, &wanted) > 1e-2);
 }
 
@@ -203,14 +204,14 @@ fn iterations() {
     let held = iterations_of(fixed());
     // soft ones leave the block to swing as a whole: more of the spectrum; measured is 13 for 8
     for (k, more) in [(0.1, 8), (10.0, 2), (1e3, 2), (1e5, 2), (1e8, 2)] {
-        let count = iterations_of(anchored(LINEAR, Region::Bottom, k));
-        measured(&format!("iterations with anchors of {k} N/m"), f64::from(count), f64::from(held));
+        let count = iterations_of(on_rest_springs(LINEAR, Region::Bottom, k));
+        measured(&format!("iterations with rest_springs of {k} N/m"), f64::from(count), f64::from(held));
         assert!(count <= held + more, "{k} N/m: {count} iterations, {held} with a fixed boundary");
     }
 }
 
 fn scene_residual(platform: &Platform) {
-    let mut scene = anchored(COROTATIONAL, Region::Bottom, 30.0);
+    let mut scene = on_rest_springs(COROTATIONAL, Region::Bottom, 30.0);
     (scene.solver.tolerance, scene.time.gravity) = (10.0 * tolerance(platform), [0.0, 0.0, -9.81]);
     scene.time.step = 2e-3;
     let mut simulation = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
@@ -227,8 +228,8 @@ fn scene_residual(platform: &Platform) {
     }
 }
 
-fn residual_without_anchors() {
-    let mut scene = anchored(COROTATIONAL, Region::Bottom, 30.0);
+fn residual_without_rest_springs() {
+    let mut scene = on_rest_springs(COROTATIONAL, Region::Bottom, 30.0);
     scene.time.gravity = [0.0, 0.0, -9.81];
     let model = model(&scene);
     let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |x| [0.0, 0.0, -0.02 * x[0]]), 1e-12);
@@ -241,20 +242,20 @@ fn residual_without_anchors() {
     let solved = Solved { start: before, load: zeros.clone(), contact: zeros, dx, ..Solved::default() };
     let found = true_residual(&model, &solved);
     assert!(found < 1e-9, "{found:e}");
-    let without = Model { anchors: Anchors::default(), ..model };
+    let without = Model { rest_springs: RestSprings::default(), ..model };
     let found = true_residual(&without, &solved);
-    assert!(found > 0.1, "without its anchors: {found:e}");
+    assert!(found > 0.1, "without its rest_springs: {found:e}");
 }
 
 /// Largest rise of energy in a step, relative to the start's; `counted` says whether the springs' is counted.
 fn energy_rise(law: Law, damping: f64, counted: bool) -> f64 {
-    let mut scene = anchored(law, Region::Bottom, 20.0);
+    let mut scene = on_rest_springs(law, Region::Bottom, 20.0);
     (scene.time.step, scene.skins[0].rayleigh_stiffness) = (2e-4, damping);
     let model = model(&scene);
     let mut start = displaced(&model, |x| [0.0, 1e-4 * (x[2] * 400.0).cos(), 3e-5 * (x[0] * 400.0).sin()]);
     start.v = model.rest.iter().map(|x| [0.05 * (300.0 * x[1]).sin(), 0.0, 0.1, 0.0]).collect();
     let mut body = Body::new(&Platform::Cpu64, model.clone(), &start, 1e-12);
-    let judged = if counted { model } else { Model { anchors: Anchors::default(), ..model } };
+    let judged = if counted { model } else { Model { rest_springs: RestSprings::default(), ..model } };
     let total = |body: &mut Body| {
         let s = body.state();
         let kinetic: f64 = s.v.iter().zip(&judged.free).map(|(v, f)| 0.5 * f[3] * dot(xyz(*v), xyz(*v))).sum();
@@ -275,7 +276,7 @@ fn energy() {
     for law in [LINEAR, COROTATIONAL, SPRINGS] {
         for damping in [0.0, 0.002] {
             let rise = energy_rise(law, damping, true);
-            measured(&format!("energy rise of an anchored block {law:?} r_K {damping}"), rise, 0.0);
+            measured(&format!("energy rise of an on_rest_springs block {law:?} r_K {damping}"), rise, 0.0);
             assert!(rise < 1e-12, "{law:?}, r_K {damping}: {rise:e}");
         }
     }
@@ -284,13 +285,13 @@ fn energy() {
     assert!(rise > 1e-4, "{rise:e}");
 }
 
-/// A corner cell goes: its other nodes lose its mass and keep their anchors, its corner node leaves the system with its own.
+/// A corner cell goes: its other nodes lose its mass and keep their rest-shape springs, its corner node leaves the system with its own.
 fn cut() {
     let of = |stiffness: Option<f64>| {
-        let mut scene = anchored(LINEAR, Region::Bottom, stiffness.unwrap_or(1.0));
+        let mut scene = on_rest_springs(LINEAR, Region::Bottom, stiffness.unwrap_or(1.0));
         scene.skins[0].rayleigh_stiffness = 1e-3;
         if stiffness.is_none() {
-            scene.anchors.clear();
+            scene.rest_springs.clear();
         }
         let model = model(&scene);
         let start = displaced(&model, |_| [1e-5, 0.0, 0.0]);
@@ -327,7 +328,7 @@ fn cut() {
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");
     let energy = elastic_energy(&model, &state, &state.rotation);
-    let springs = 0.5 * STIFFNESS * 1e-10 * (model.anchors.nodes.len() - 1) as f64;
+    let springs = 0.5 * STIFFNESS * 1e-10 * (model.rest_springs.nodes.len() - 1) as f64;
     assert!((energy / springs - 1.0).abs() < 1e-9, "{energy:e} J, wanted {springs:e}");
     assert!(free(&mut with)[1][3] < model.free[1][3]);
 }
