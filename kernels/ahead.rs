@@ -1,4 +1,4 @@
-//! Displacements at which an explicit step evaluates its elastic forces: `y_i = u_i + τ v_i`, `τ = params.lead`.
+//! Displacements at which an explicit step evaluates its elastic forces: `y_i = u_i + τ v_i`, `τ = params.lead_time`.
 //!
 //! With `τ = r_K` the force of a linear body at `y` is `K u + r_K K v`: elastic force and Rayleigh's stiffness damping in one evaluation.
 //! Corotational hexahedra have `R K Rᵀ` for `K`, as in an implicit step, since their rotations are those at `u`.
@@ -20,6 +20,6 @@ pub fn ahead<R: Real>(
     y: &mut [V4<R>], // [node] m
 ) {
     for ((y, u), v) in y.iter_mut().zip(u).zip(v) {
-        *y = (V3::from4(*u) + V3::from4(*v) * params.lead).pad(R::zero());
+        *y = (V3::from4(*u) + V3::from4(*v) * params.lead_time).pad(R::zero());
     }
 }

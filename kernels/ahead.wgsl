@@ -8,5 +8,5 @@
 fn ahead(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    y[i] = vec4<f32>(u[i].xyz + v[i].xyz * params.lead, 0.0);
+    y[i] = vec4<f32>(u[i].xyz + v[i].xyz * params.lead_time, 0.0);
 }

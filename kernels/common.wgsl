@@ -7,7 +7,7 @@ struct Params {
     extra_columns: u32, split_cells: u32, touched_nodes: u32, tetrahedron_count: u32,
     domain_count: u32, total: u32, pad: u32, pad_1: u32,
     pad_2: u32, inertia: f32, stiffness_factor: f32, step: f32,
-    momentum_factor: f32, velocity_factor: f32, lead: f32, gravity_x: f32,
+    momentum_factor: f32, velocity_factor: f32, lead_time: f32, gravity_x: f32,
     gravity_y: f32, gravity_z: f32, keep: f32, gain: f32,
 }
 

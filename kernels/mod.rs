@@ -271,7 +271,7 @@ params! {
         /// Velocity factor: change of velocity over a step relative to the change to the mean velocity; 1 in implicit Euler.
         velocity_factor: real,
         /// Lead time of the displacements at which elastic forces are evaluated, s (`ahead`).
-        lead: real,
+        lead_time: real,
         /// Gravity, m/s².
         gravity_x: real,
         /// Gravity, m/s².

@@ -7,13 +7,13 @@
 
 mod counts;
 pub mod cpu;
+mod element_points;
 mod embedded;
 mod energy;
 pub mod gpu;
 pub mod grid;
 mod loads;
 mod paths;
-mod places;
 mod refused;
 mod rest_springs;
 pub mod rigid;
@@ -89,7 +89,7 @@ pub type Moved<'a> = dyn Fn(usize) -> [V3<f64>; 2] + Sync + 'a;
 pub type Holds<'a> = dyn Fn(usize, M3<f64>) -> bool + 'a;
 
 /// An element, and the natural coordinates of a point in it, of cells 0 to 1.
-pub type Place = (usize, [f64; 3]);
+pub type ElementPoint = (usize, [f64; 3]);
 
 /// Whether a node stays in the system.
 pub type Stays<'a> = Box<dyn Fn(usize) -> bool + 'a>;
@@ -139,7 +139,7 @@ pub trait Mechanics {
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
     /// Nodes that internal forces at nodes depend on, both in ascending order: those of the cells around.
     fn reached(&self, model: &Model, wound: &Wound, nodes: &[u32]) -> Vec<u32> {
-        places::reached(model, wound, nodes)
+        element_points::reached(model, wound, nodes)
     }
     /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of the nodes that they reach,
     /// and of the stiffness damping (and the springs' own) at their velocities.
@@ -148,21 +148,27 @@ pub trait Mechanics {
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
     /// Present elements of one layer, between two layers of the upper one, that contain a rest position in the body's frame.
-    fn places(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
-        places::at(model, wound, point)
+    fn element_points(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {
+        element_points::at(model, wound, point)
     }
     /// Nodes that strain and stress at places depend on, in ascending order.
-    fn reached_from(&self, _model: &Model, wound: &Wound, places: &[Place]) -> Vec<u32> {
-        places::corners(wound, places.iter().map(|(cell, _)| *cell))
+    fn reached_from(&self, _model: &Model, wound: &Wound, points: &[ElementPoint]) -> Vec<u32> {
+        element_points::corners(wound, points.iter().map(|(cell, _)| *cell))
     }
-    /// Means over places, one or more, of the Green–Lagrange strain and the Cauchy stress, Pa.
-    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
-        places::means(model, wound, places, moved)
+    /// Means over points, one or more, of the Green–Lagrange strain and the Cauchy stress, Pa.
+    fn strain_and_stress_at(
+        &self,
+        model: &Model,
+        wound: &Wound,
+        points: &[ElementPoint],
+        moved: &Moved,
+    ) -> [M3<f64>; 2] {
+        element_points::means(model, wound, points, moved)
     }
     /// `[cell]`, or `[tetrahedron]` of a mesh: Green–Lagrange strain and Cauchy stress, Pa, in the middle, at displacements `u`, `[node]` m;
     /// those of removed cells are 0.
     fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-        places::in_the_middle(model, wound, u)
+        element_points::in_the_middle(model, wound, u)
     }
     /// Factor of a cell on the stiffness of its layer, by inclusions.
     fn stiffness_factor(&self, _cell: usize) -> f64 {
@@ -548,7 +554,7 @@ impl Model {
             step: R::of(s.step),
             momentum_factor: R::of(s.momentum_factor()),
             velocity_factor: R::of(s.velocity_factor()),
-            lead: R::of(s.lead()),
+            lead_time: R::of(s.lead_time()),
             gravity_x: R::of(s.gravity[0]),
             gravity_y: R::of(s.gravity[1]),
             gravity_z: R::of(s.gravity[2]),

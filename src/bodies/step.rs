@@ -141,8 +141,8 @@ impl Step {
         }
     }
 
-    /// Lead time of the elastic forces: they are evaluated at `u + lead · v`, s.
-    pub fn lead(&self) -> f64 {
+    /// Lead time of the elastic forces: they are evaluated at `u + lead_time · v`, s.
+    pub fn lead_time(&self) -> f64 {
         if self.explicit() { self.rayleigh_stiffness } else { 0.0 }
     }
 }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Totals {
     /// Removed cells.
-    pub hexes: usize,
+    pub hexahedra: usize,
     /// Volume at rest of the removed cells and tetrahedra, and of space carved out of others, m³.
     pub volume: f64,
     /// Removed springs.
@@ -43,7 +43,7 @@ impl Totals {
     /// Sum over two wounds; the larger depth.
     pub fn and(self, other: Self) -> Self {
         Self {
-            hexes: self.hexes + other.hexes,
+            hexahedra: self.hexahedra + other.hexahedra,
             volume: self.volume + other.volume,
             springs_removed: self.springs_removed + other.springs_removed,
             tetrahedra: self.tetrahedra + other.tetrahedra,
@@ -225,7 +225,7 @@ impl Wound {
 
     /// Measures the wound.
     fn extend(&mut self, model: &Model) {
-        if self.totals.links + self.open.len() + self.totals.hexes + self.totals.tetrahedra > 0
+        if self.totals.links + self.open.len() + self.totals.hexahedra + self.totals.tetrahedra > 0
             || self.totals.volume > 0.0
         {
             self.totals.length = self.all.length();

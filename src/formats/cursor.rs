@@ -3,7 +3,7 @@
 //! Text is read by rows where a format has a record on each line, so that a line with too few or too many numbers is told by its own
 //! number; or freely ([`Cursor::free`]) where numbers may stand on any lines. Lines are counted when an error asks for them.
 
-use super::{At, Place, Refused, Result, quoted};
+use super::{At, Offset, Refused, Result, quoted};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -111,7 +111,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The present place.
-    pub fn place(&self) -> At {
+    pub fn location(&self) -> At {
         self.place_of(self.at)
     }
 
@@ -123,17 +123,17 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Place of a byte.
+    /// Location of a byte.
     pub fn at(&self, position: usize) -> At {
         self.place_of(position.min(self.bytes.len()))
     }
 
     fn place_of(&self, at: usize) -> At {
-        let place = match self.numbers {
-            Numbers::Text => Place::Line(1 + self.bytes[..at].iter().filter(|byte| **byte == b'\n').count()),
-            _ => Place::Byte(at),
+        let offset = match self.numbers {
+            Numbers::Text => Offset::Line(1 + self.bytes[..at].iter().filter(|byte| **byte == b'\n').count()),
+            _ => Offset::Byte(at),
         };
-        At { file: self.path.to_path_buf(), place }
+        At { file: self.path.to_path_buf(), offset }
     }
 
     /// An error at a byte: found something, or the end, where `wanted` should stand.
@@ -149,7 +149,7 @@ impl<'a> Cursor<'a> {
 
     /// An error at the present place.
     pub fn unexpected(&self, found: impl Into<String>, wanted: &'static str) -> Refused {
-        Refused::Unexpected { at: self.place(), found: found.into(), wanted }
+        Refused::Unexpected { at: self.location(), found: found.into(), wanted }
     }
 
     fn skip_blanks(&mut self) {
@@ -199,12 +199,12 @@ impl<'a> Cursor<'a> {
         }
         self.skip_blanks();
         match self.left().first() {
-            None => Err(Refused::End { at: self.place(), wanted }),
+            None => Err(Refused::End { at: self.location(), wanted }),
             // at the beginning of a line, of which `row` has been called for before
             Some(b'\n') => {
                 self.at += self.left().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
                 match self.left().is_empty() {
-                    true => Err(Refused::End { at: self.place(), wanted }),
+                    true => Err(Refused::End { at: self.location(), wanted }),
                     false => Ok(()),
                 }
             }
@@ -326,7 +326,7 @@ impl<'a> Cursor<'a> {
         match usize::try_from(found).ok().filter(|found| *found <= most) {
             Some(count) if count < u32::MAX as usize => Ok(count),
             Some(_) => Err(Refused::TooMany { path: self.path.to_path_buf(), count: found }),
-            None => Err(Refused::Count { at: self.place(), what, found, left }),
+            None => Err(Refused::Count { at: self.location(), what, found, left }),
         }
     }
 }

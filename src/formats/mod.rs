@@ -326,18 +326,18 @@ impl Mesh {
     }
 }
 
-/// Place in a file.
+/// Offset in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct At {
     /// File name as given by the user.
     pub file: PathBuf,
     /// Where in it.
-    pub place: Place,
+    pub offset: Offset,
 }
 
-/// Place within a file.
+/// Offset within a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Offset {
     /// Line of a text, from 1.
     Line(usize),
     /// Byte of binary data, from 0.
@@ -347,15 +347,15 @@ pub enum Place {
 impl At {
     /// A line of a file.
     pub fn line(file: &Path, line: usize) -> Self {
-        Self { file: file.to_path_buf(), place: Place::Line(line) }
+        Self { file: file.to_path_buf(), offset: Offset::Line(line) }
     }
 }
 
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.place {
-            Place::Line(line) => write!(f, "{}:{line}", self.file.display()),
-            Place::Byte(byte) => write!(f, "{}, byte {byte}", self.file.display()),
+        match self.offset {
+            Offset::Line(line) => write!(f, "{}:{line}", self.file.display()),
+            Offset::Byte(byte) => write!(f, "{}, byte {byte}", self.file.display()),
         }
     }
 }
@@ -417,7 +417,7 @@ pub enum Refused {
     /// Something else than what the format says.
     #[error("{at}: {found}; wanted {wanted}; mend it, or export the mesh again")]
     Unexpected {
-        /// Place in the file.
+        /// Offset in the file.
         at: At,
         /// What stands there.
         found: String,
@@ -439,7 +439,7 @@ pub enum Refused {
         "{at}: {found} {what} are announced, but only {left} bytes follow; export the mesh again, it is cut off or the number is wrong"
     )]
     Count {
-        /// Place of the number.
+        /// Offset of the number.
         at: At,
         /// What is counted.
         what: &'static str,
@@ -454,7 +454,7 @@ pub enum Refused {
         "{at}: a cell names point {found}, which is not among the {count} points of the file; mend the cell, or export the mesh again"
     )]
     Point {
-        /// Place of the number.
+        /// Offset of the number.
         at: At,
         /// The number.
         found: String,
@@ -465,7 +465,7 @@ pub enum Refused {
     /// What the format has and is not read here.
     #[error("{at}: {found}; {mend}")]
     Unsupported {
-        /// Place in the file.
+        /// Offset in the file.
         at: At,
         /// What stands there, and what is read.
         found: String,

@@ -90,7 +90,7 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
             PARTITIONED => {
                 let found = "the mesh is partitioned; whole meshes are read".into();
                 let mend = "export it with `Mesh.PartitionSplitMeshFiles = 0` before it is partitioned";
-                return Err(Refused::Unsupported { at: cursor.place(), found, mend });
+                return Err(Refused::Unsupported { at: cursor.location(), found, mend });
             }
             _ => {
                 let end = [b"$End", &name[1..]].concat();
@@ -98,7 +98,7 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
                 let found = left.windows(end.len()).position(|text| text == end);
                 let Some(found) = found else {
                     cursor.go_to(usize::MAX);
-                    return Err(Refused::End { at: cursor.place(), wanted: "the end of a section (`$End…`)" });
+                    return Err(Refused::End { at: cursor.location(), wanted: "the end of a section (`$End…`)" });
                 };
                 cursor.go_to(cursor.position() + found);
             }
@@ -110,12 +110,12 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
                 Some(end) => {
                     Err(cursor.unexpected(quoted(end), "the end of the section (`$End…`), after what it announced"))
                 }
-                None => Err(Refused::End { at: cursor.place(), wanted: "the end of the section (`$End…`)" }),
+                None => Err(Refused::End { at: cursor.location(), wanted: "the end of the section (`$End…`)" }),
             };
         }
     }
     if read.ids.is_none() {
-        return Err(Refused::End { at: cursor.place(), wanted: "a section `$Nodes`" });
+        return Err(Refused::End { at: cursor.location(), wanted: "a section `$Nodes`" });
     }
     Ok(read.mesh)
 }
@@ -131,7 +131,7 @@ fn section<'a>(cursor: &mut Cursor<'a>) -> Result<Option<&'a [u8]>> {
 
 fn format(cursor: &mut Cursor, read: &mut Read) -> Result<()> {
     cursor.row("the version of the format")?;
-    let at = cursor.place();
+    let at = cursor.location();
     let version = cursor.word();
     read.is_4 = match version {
         b"2.2" | b"2.1" | b"2" | b"2.0" => false,
@@ -256,7 +256,7 @@ fn points_2(cursor: &mut Cursor, read: &mut Read) -> Result<()> {
 fn announced(cursor: &mut Cursor, bytes: [usize; 2], what: &'static str) -> Result<usize> {
     let numbers = std::mem::replace(&mut cursor.numbers, Numbers::Text);
     cursor.row(what)?;
-    let at = cursor.place();
+    let at = cursor.location();
     let word = cursor.word();
     let found = digits(word).ok_or_else(|| cursor.unexpected(quoted(word), "the number of points or cells"))?;
     if numbers != Numbers::Text {
@@ -312,7 +312,7 @@ fn shape(cursor: &mut Cursor) -> Result<(Cell, usize)> {
     Cell::of_gmsh(u64::try_from(number).unwrap_or(0)).ok_or_else(|| {
         let name = gmsh_name(u64::try_from(number).unwrap_or(0));
         let found = format!("a cell of type {number}, {name}; linear cells are read");
-        Refused::Unsupported { at: cursor.place(), found, mend: "export the mesh with `gmsh -order 1`" }
+        Refused::Unsupported { at: cursor.location(), found, mend: "export the mesh with `gmsh -order 1`" }
     })
 }
 
@@ -325,7 +325,7 @@ fn cell(cursor: &mut Cursor, read: &mut Read, shape: (Cell, usize), kind: Type, 
     for node in &mut nodes[..shape.1] {
         let found = cursor.whole(kind, "the number of a point of a cell")?;
         *node = ids.of(found, count).ok_or_else(|| Refused::Point {
-            at: cursor.place(),
+            at: cursor.location(),
             found: found.to_string(),
             count,
         })?;

@@ -77,7 +77,7 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     while let Some([count, region, ..]) = faces.get(start..).filter(|rest| rest.len() > 1) {
         let nodes = &faces[start + 2..start + 2 + *count as usize];
         if let Some(id) = nodes.iter().find(|id| **id as usize >= mesh.points.len()) {
-            return Err(Refused::Point { at: cursor.place(), found: id.to_string(), count: mesh.points.len() });
+            return Err(Refused::Point { at: cursor.location(), found: id.to_string(), count: mesh.points.len() });
         }
         let cell = match nodes.len() {
             3 => Cell::Triangle,
@@ -100,7 +100,7 @@ fn header(cursor: &mut Cursor) -> Result<(Numbers, Vec<Element>)> {
     let mut numbers = None;
     let mut elements: Vec<Element> = vec![];
     loop {
-        let at = cursor.place();
+        let at = cursor.location();
         let Some(line) = cursor.line() else {
             return Err(Refused::End { at, wanted: "`end_header`" });
         };

@@ -98,7 +98,7 @@ fn text(cursor: &mut Cursor) -> Result<Mesh> {
                     cursor.line();
                     break;
                 }
-                b"" => return Err(Refused::End { at: cursor.place(), wanted: "`facet` or `endsolid`" }),
+                b"" => return Err(Refused::End { at: cursor.location(), wanted: "`facet` or `endsolid`" }),
                 other => return Err(cursor.unexpected(quoted(other), "`facet` or `endsolid`")),
             }
             // the normal, which may be nan
@@ -127,7 +127,7 @@ fn keywords(cursor: &mut Cursor, words: &[&'static [u8]]) -> Result<()> {
         if found != *wanted {
             let words = "`outer loop`, three lines of `vertex` and three numbers, `endloop` and `endfacet`";
             return Err(match found {
-                b"" => Refused::End { at: cursor.place(), wanted: words },
+                b"" => Refused::End { at: cursor.location(), wanted: words },
                 _ => cursor.unexpected(quoted(found), words),
             });
         }

@@ -56,7 +56,7 @@ fn header(cursor: &mut Cursor) -> Result<Numbers> {
     };
     if !version.first().is_some_and(|digit| (b'1'..=b'5').contains(digit)) {
         let found = format!("version {} of the format; 1.0 to 5.1 are read", quoted(version));
-        return Err(Refused::Unsupported { at: cursor.place(), found, mend: "export the mesh as .vtu" });
+        return Err(Refused::Unsupported { at: cursor.location(), found, mend: "export the mesh as .vtu" });
     }
     cursor.line();
     let numbers = match cursor.line().unwrap_or_default() {
@@ -70,7 +70,7 @@ fn header(cursor: &mut Cursor) -> Result<Numbers> {
         Some(other) => {
             let found = format!("a data set {}; UNSTRUCTURED_GRID and POLYDATA are read", quoted(other));
             let mend = "export the mesh as an unstructured grid (ParaView: Append Datasets)";
-            Err(Refused::Unsupported { at: cursor.place(), found, mend })
+            Err(Refused::Unsupported { at: cursor.location(), found, mend })
         }
         None => Err(cursor.unexpected(quoted(line), "`DATASET UNSTRUCTURED_GRID`")),
     }
@@ -83,7 +83,7 @@ fn count(cursor: &mut Cursor, what: &'static str) -> Result<u64> {
 
 /// The name of a type; goes to the data behind it.
 fn data_type(cursor: &mut Cursor, numbers: Numbers) -> Result<Type> {
-    let at = cursor.place();
+    let at = cursor.location();
     let word = cursor.word();
     let found = match &word.to_ascii_lowercase()[..] {
         b"float" => Type::Float(4),
@@ -135,7 +135,7 @@ fn points(cursor: &mut Cursor, numbers: Numbers) -> Result<Vec<[f64; 3]>> {
 
 /// Point ids of cells: before version 5, each cell's count and ids; since, offsets and ids apart. `number` is the type of all of them.
 fn cells(cursor: &mut Cursor, numbers: Numbers, grid: &mut Grid, number: Option<u8>) -> Result<()> {
-    grid.at = Some(cursor.place());
+    grid.at = Some(cursor.location());
     let (first, second) = (count(cursor, "the number of cells")?, count(cursor, "the number of ids")?);
     let before = cursor.position();
     let apart = cursor.word().eq_ignore_ascii_case(b"OFFSETS");

@@ -221,7 +221,7 @@ impl Collector {
     pub fn report(&self, simulation: &Simulation) -> Report {
         let mut r = self.seen.report.clone();
         let totals = simulation.totals();
-        r.cut.hexes_removed = totals.hexes;
+        r.cut.hexes_removed = totals.hexahedra;
         r.cut.removed_mm3 = totals.volume * 1e9;
         r.cut.tets_removed = totals.tetrahedra;
         r.cut.springs_removed = totals.springs_removed;

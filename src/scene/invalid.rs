@@ -171,7 +171,7 @@ pub enum Invalid {
     },
 
     /// An inclusion that a body cannot have.
-    #[error("{at}: an inclusion cannot be had here: {why}")]
+    #[error("{at}: an inclusion is not possible here: {why}")]
     Inclusion {
         /// Where.
         at: Location,
@@ -191,7 +191,7 @@ pub enum Invalid {
 
     /// A mass discretisation that the law does not support.
     #[error(
-        "{at}: mass = \"{found}\" cannot be had with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"corotational\""
+        "{at}: mass = \"{found}\" is not available with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"corotational\""
     )]
     Mass {
         /// Where.
@@ -688,7 +688,7 @@ pub enum Invalid {
     },
 
     /// Feature that a body embedded in a grid does not support.
-    #[error("{at}: {what} cannot be had with embed = \"bricks\"; {fix}")]
+    #[error("{at}: {what} is not available with embed = \"bricks\"; {fix}")]
     Embedded {
         /// Where.
         at: String,

@@ -22,7 +22,7 @@ use super::body::Body;
 use super::contact::{ContactReport, NodeForces};
 use super::{Simulation, StepReport};
 use crate::backend::Query;
-use crate::bodies::Place;
+use crate::bodies::ElementPoint;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::math::{V3, V4};
@@ -38,7 +38,7 @@ pub(super) struct Prepared {
     /// `[node]` weights of a displacement.
     weights: Vec<f64>,
     /// Elements that contain a point.
-    places: Vec<Place>,
+    points: Vec<ElementPoint>,
     /// Faces of the surface in a region.
     faces: Vec<[u32; 4]>,
     /// Nodes whose displacements are read.
@@ -49,7 +49,7 @@ pub(super) struct Prepared {
 
 impl Prepared {
     pub fn new(kind: ProbeKind) -> Self {
-        Self { kind, nodes: vec![], weights: vec![], places: vec![], faces: vec![], read: vec![], cuts: None }
+        Self { kind, nodes: vec![], weights: vec![], points: vec![], faces: vec![], read: vec![], cuts: None }
     }
 
     /// Has it found again, since its body may have other cuts than before.
@@ -87,8 +87,8 @@ impl Prepared {
                 self.read = self.faces.as_flattened().to_vec();
             }
             ProbeKind::Strain { point, .. } | ProbeKind::Stress { point, .. } => {
-                self.places = mechanics.places(model, wound, *point);
-                self.read = mechanics.reached_from(model, wound, &self.places);
+                self.points = mechanics.element_points(model, wound, *point);
+                self.read = mechanics.reached_from(model, wound, &self.points);
             }
             _ => {}
         }
@@ -151,10 +151,10 @@ impl Simulation {
                 }
                 ProbeKind::Pressure { body, .. } => self.bodies[*body].pressure(*body, probe, &report.contact),
                 ProbeKind::Strain { body, component, .. } => {
-                    component.of(self.bodies[*body].strain_and_stress(&probe.places)[0])
+                    component.of(self.bodies[*body].strain_and_stress(&probe.points)[0])
                 }
                 ProbeKind::Stress { body, component, .. } => {
-                    component.of(self.bodies[*body].strain_and_stress(&probe.places)[1])
+                    component.of(self.bodies[*body].strain_and_stress(&probe.points)[1])
                 }
                 ProbeKind::Volume { body } | ProbeKind::VolumeChange { body } => {
                     let Body { model, wound, .. } = &self.bodies[*body];
@@ -276,13 +276,13 @@ impl Body {
     }
 
     /// Green–Lagrange strain and Cauchy stress, Pa, by rows: their means over elements at a point of each; 0 without one.
-    fn strain_and_stress(&self, places: &[Place]) -> [[[f64; 3]; 3]; 2] {
-        if places.is_empty() {
+    fn strain_and_stress(&self, points: &[ElementPoint]) -> [[[f64; 3]; 3]; 2] {
+        if points.is_empty() {
             return [[[0.0; 3]; 3]; 2];
         }
         let (model, known) = (&self.model, &self.known);
         let moved = |node| known.moved(node);
-        let means = model.mechanics().strain_and_stress_at(model, &self.wound, places, &moved);
+        let means = model.mechanics().strain_and_stress_at(model, &self.wound, points, &moved);
         means.map(|tensor| tensor.0.map(V3::f64)) // symmetric: columns are rows
     }
 

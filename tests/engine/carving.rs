@@ -134,7 +134,7 @@ fn a_ball_carves_a_groove_as_deep_as_it_goes() {
     let body = &simulation.bodies[0];
     let carved: u32 = steps.iter().map(|step| step.carved).sum();
     let totals = simulation.totals();
-    assert!(carved as usize == totals.hexes && carved >= 6, "{carved} {}", totals.hexes);
+    assert!(carved as usize == totals.hexahedra && carved >= 6, "{carved} {}", totals.hexahedra);
     assert!(faults(&body.model, &body.wound).is_empty(), "{:?}", faults(&body.model, &body.wound));
     // the ball's lowest point is 0.8 mm below the top: one cell deep or two, and as long as its way
     assert!((0.99e-3..2.01e-3).contains(&totals.depth) && totals.length >= 4e-3, "{totals:?}");
@@ -147,16 +147,22 @@ fn a_ball_carves_a_groove_as_deep_as_it_goes() {
     let whole =
         run(&Scene { tools: vec![Tool { carve: None, ..scene.tools[0].clone() }], ..scene.clone() }, &Platform::Cpu64);
     let peak = |steps: &[StepReport]| steps.iter().map(|s| s.contact.largest_on_tools()).fold(0.0, f64::max);
-    assert!(whole.0.totals().hexes == 0 && peak(&whole.1) > 1.5 * peak(&steps), "{} {}", peak(&whole.1), peak(&steps));
+    assert!(
+        whole.0.totals().hexahedra == 0 && peak(&whole.1) > 1.5 * peak(&steps),
+        "{} {}",
+        peak(&whole.1),
+        peak(&steps)
+    );
     // in f32 the same cells go, but for those that rounding decides
-    let single = run(&scene, &Platform::Cpu32).0.totals().hexes;
-    assert!(single.abs_diff(totals.hexes) <= 2, "{single} {}", totals.hexes);
+    let single = run(&scene, &Platform::Cpu32).0.totals().hexahedra;
+    assert!(single.abs_diff(totals.hexahedra) <= 2, "{single} {}", totals.hexahedra);
 }
 
 #[test]
 fn a_pressure_has_to_be_reached() {
-    let removed =
-        |pressure| run(&ball(Carve { distance: 2e-5, pressure, whole_cells: true }), &Platform::Cpu64).0.totals().hexes;
+    let removed = |pressure| {
+        run(&ball(Carve { distance: 2e-5, pressure, whole_cells: true }), &Platform::Cpu64).0.totals().hexahedra
+    };
     let [at_once, pressed, never] = [0.0, 20e3, 1e9].map(removed);
     assert!(at_once > pressed && pressed > 0 && never == 0, "{at_once} {pressed} {never}");
 }
@@ -177,7 +183,7 @@ fn any_number_of_points_carves() {
         }
         let (simulation, steps) = run(&scene, &Platform::Cpu64);
         let body = &simulation.bodies[0];
-        assert!(simulation.totals().hexes >= side as usize, "{side}: {}", simulation.totals().hexes);
+        assert!(simulation.totals().hexahedra >= side as usize, "{side}: {}", simulation.totals().hexahedra);
         assert!(faults(&body.model, &body.wound).is_empty(), "{side}");
         assert!(
             steps.iter().all(|step| step.contact.on_tool.iter().flatten().all(|force| force.is_finite())),
@@ -210,7 +216,7 @@ pub fn goes_on(scene: &Scene, k: u32, removed: fn(&Simulation) -> f64) -> Simula
 #[test]
 fn a_carved_body_goes_on_from_its_state() {
     let scene = ball(Carve { distance: 2e-5, pressure: 0.0, whole_cells: true });
-    goes_on(&scene, 35, |simulation| simulation.totals().hexes as f64);
+    goes_on(&scene, 35, |simulation| simulation.totals().hexahedra as f64);
 }
 
 #[test]

@@ -667,12 +667,12 @@ fn what_a_surface_leaves_out_of_its_grid_is_refused() {
     let mut other = sound.clone();
     other.tools.push(Tool { blade: Some(cutis::scene::Blade::default()), round: None, ..Tool::default() });
     other.contact = Some(Contact::default());
-    assert!(words(&other).contains("the blade of tool cannot be had"), "{}", words(&other));
+    assert!(words(&other).contains("the blade of tool is not available"), "{}", words(&other));
     let mut other = sound;
     let region = Region::Bottom;
     other.probes.push(Probe { name: "under".into(), kind: ProbeKind::Pressure { body: 0, region } });
     other.contact = Some(Contact::default());
-    assert!(words(&other).contains("the probe under of pressure cannot be had"), "{}", words(&other));
+    assert!(words(&other).contains("the probe under of pressure is not available"), "{}", words(&other));
 }
 
 #[test]

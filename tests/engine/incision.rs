@@ -123,7 +123,7 @@ fn a_hard_press_enters_and_tougher_skin_withstands_it() {
     let scene = pressed(1.8e-3);
     let (cut, _) = run(&scene, 60);
     assert!(cut.totals().links > 0, "the blade should have entered");
-    assert_eq!(cut.totals().hexes, 0, "nothing is removed");
+    assert_eq!(cut.totals().hexahedra, 0, "nothing is removed");
     let mut tough = scene;
     tough.skins[0].layers.iter_mut().for_each(|l| l.toughness *= 100.0);
     let (dented, report) = run(&tough, 60);

@@ -147,9 +147,9 @@ fn whole_cells_are_the_yardstick() {
     let (simulation, _) = run(&scene, &Platform::Cpu64, false);
     let (totals, body) = (simulation.totals(), &simulation.bodies[0]);
     let shares = (0..body.wound.surface.alive.len()).map(|cell| body.wound.surface.share(cell));
-    assert!(totals.hexes > 0 && shares.fold(1.0, f64::min) == 1.0);
+    assert!(totals.hexahedra > 0 && shares.fold(1.0, f64::min) == 1.0);
     // a cell deep where the groove is less: nothing is finer than cells
-    assert!((totals.volume * 1e9 - totals.hexes as f64).abs() < 1e-6, "{totals:?}");
+    assert!((totals.volume * 1e9 - totals.hexahedra as f64).abs() < 1e-6, "{totals:?}");
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn whole_cells_go_out_of_a_pit_too() {
     for number in 0..scene.time.steps() {
         simulation.step(false).unwrap_or_else(|e| panic!("step {number}: {e}"));
         let body = &simulation.bodies[0];
-        whole.push(body.wound.totals.hexes);
+        whole.push(body.wound.totals.hexahedra);
         for off in booked(&body.model, &body.wound) {
             assert!(off.abs() < 1e-12, "step {number}: {off:e}");
         }

@@ -705,7 +705,7 @@ fn ten_thousand_steps_of_cutting_and_carving_lose_nothing() {
                 left = mass / whole;
             }
             let of = simulation.totals();
-            totals = [totals[0] + of.links, totals[1] + of.hexes, totals[2] + of.tetrahedra];
+            totals = [totals[0] + of.links, totals[1] + of.hexahedra, totals[2] + of.tetrahedra];
             assert_eq!(simulation.bodies[0].snapshot().expect("it has a state").non_finite(), 0);
             println!("body {bodies}, {done} steps");
         }

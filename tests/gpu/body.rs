@@ -150,7 +150,7 @@ impl Body {
             step: R::of(f64::from(1e-3f32)),
             momentum_factor: R::of(1.75),
             velocity_factor: R::of(1.5),
-            lead: R::of(0.0625),
+            lead_time: R::of(0.0625),
             fresh: u32::from(self.first_slot > 0),
             compensated: u32::from(self.slots > 3),
             keep: R::of(0.375),

@@ -65,7 +65,7 @@ const CASES: &[Case] = cases! {
     accelerate Nodes false [
         "free[i].w * params.inertia" => "params.inertia", "1.0 / inertia" => "inertia", "* free[i].xyz" => ""
     ]
-    ahead Nodes false ["* params.lead" => "* params.step", "u[i].xyz + v" => "v", "u[i].xyz + v" => "u[i].xyz - v"]
+    ahead Nodes false ["* params.lead_time" => "* params.step", "u[i].xyz + v" => "v", "u[i].xyz + v" => "u[i].xyz - v"]
     advance One true [
         "delta - head.y * gamma / head.x" => "delta + head.y * gamma / head.x",
         "tail.y <= tail.x" => "tail.y < 0.0",

@@ -245,7 +245,9 @@ fn at_places(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
     let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-7);
     let (wound, mechanics) = (Wound::new(&model), model.mechanics());
     let moved = |node: usize| [V3::from4(u[node]), V3::zero()];
-    let of = |point| mechanics.strain_and_stress_at(&model, &wound, &mechanics.places(&model, &wound, point), &moved);
+    let of = |point| {
+        mechanics.strain_and_stress_at(&model, &wound, &mechanics.element_points(&model, &wound, point), &moved)
+    };
     places_of_the_block().into_iter().map(of).collect()
 }
 

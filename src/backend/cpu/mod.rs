@@ -109,7 +109,7 @@ impl<R: Real> CpuBackend<R> {
             advanced: vec![],
             u: in_use(&start.u),
             v: in_use(&start.v),
-            ahead: zeros(usize::from(model.step.lead() > 0.0)),
+            ahead: zeros(usize::from(model.step.lead_time() > 0.0)),
             mean_v: zeros(usize::from(model.mass == Mass::Consistent)),
             f: zeros(1),
             free: in_use(&model.in_system()),

@@ -23,7 +23,7 @@ pub(super) struct Ahead {
 impl Ahead {
     /// `None` if forces are evaluated at the current displacements.
     pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer, v: &Buffer) -> Result<Option<Self>> {
-        if model.step.lead() <= 0.0 {
+        if model.step.lead_time() <= 0.0 {
             return Ok(None);
         }
         let n = model.node_count();

@@ -108,7 +108,7 @@ impl Wound {
         let [hx, hy, hz, whole] = model.shape[model.grid.layer(cell as usize)];
         let share = self.surface.share(cell as usize);
         let corner_mass = whole * share;
-        self.totals.hexes += 1;
+        self.totals.hexahedra += 1;
         self.totals.volume += hx * hy * hz * share;
         for node in model.grid.params::<f64>().corners(cell as usize) {
             self.live[node] -= 1;

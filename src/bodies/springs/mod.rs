@@ -11,8 +11,8 @@ mod gpu;
 use super::gpu::{Maker, Recorded};
 use super::grid::element;
 use super::{
-    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound, energy,
-    places,
+    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+    element_points, energy,
 };
 use crate::error::Result;
 use crate::gpu::Buffer;
@@ -374,7 +374,7 @@ impl Mechanics for Springs {
     }
 
     fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-        let Some(mesh) = model.unstructured() else { return places::in_the_middle(model, wound, u) };
+        let Some(mesh) = model.unstructured() else { return element_points::in_the_middle(model, wound, u) };
         let of = |(e, here): (usize, &bool)| match here {
             true => [element::green_lagrange(mesh.displacement_gradient(e, u)), M3::zero()],
             false => [M3::zero(); 2],

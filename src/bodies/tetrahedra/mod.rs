@@ -28,7 +28,8 @@ pub mod operator;
 
 use super::gpu::{Maker, Recorded};
 use super::{
-    Elements, Holds, Kind, Mechanics, Model, Moved, Place, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+    ElementPoint, Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays,
+    Wound,
 };
 use crate::bodies::grid::local::beyond;
 use crate::bodies::grid::{constants, element};
@@ -344,31 +345,37 @@ impl Mechanics for Tetrahedra {
         unreachable!("tetrahedra have those of their own places")
     }
 
-    fn places(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
+    fn element_points(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {
         let at = V3::of([0, 1, 2].map(|n| point[n] + model.position[n]));
         let layer = |e: usize| model.grid.tetrahedron_layer(e);
-        let mut places = self.now(wound).places(&wound.rest, at);
-        let upper = places.iter().map(|(e, _)| layer(*e)).max();
-        places.retain(|(e, _)| Some(layer(*e)) == upper);
-        places
+        let mut points = self.now(wound).element_points(&wound.rest, at);
+        let upper = points.iter().map(|(e, _)| layer(*e)).max();
+        points.retain(|(e, _)| Some(layer(*e)) == upper);
+        points
     }
 
     /// Of smoothed elements two elements away from the corners.
-    fn reached_from(&self, _: &Model, wound: &Wound, places: &[Place]) -> Vec<u32> {
+    fn reached_from(&self, _: &Model, wound: &Wound, points: &[ElementPoint]) -> Vec<u32> {
         let arrays = self.now(wound);
-        let corners = places.iter().flat_map(|(e, _)| arrays.corners[*e]).collect();
+        let corners = points.iter().flat_map(|(e, _)| arrays.corners[*e]).collect();
         arrays.reached(corners, if self.smoothed { 2 } else { 0 })
     }
 
     /// Means by volume: at a node those over the tetrahedra around it.
-    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
+    fn strain_and_stress_at(
+        &self,
+        model: &Model,
+        wound: &Wound,
+        points: &[ElementPoint],
+        moved: &Moved,
+    ) -> [M3<f64>; 2] {
         let arrays = self.now(wound);
         let u: Vec<V4<f64>> = (0..model.node_count()).map(|node| moved(node)[0].pad(0.0)).collect();
         let all = arrays.strains_and_stresses(&u, self.corotational);
-        let volume: f64 = places.iter().map(|(e, _)| arrays.volume(*e)).sum();
+        let volume: f64 = points.iter().map(|(e, _)| arrays.volume(*e)).sum();
         let mean = |k: usize| {
-            let add = |sum, (e, _): &Place| sum + all[*e][k] * (arrays.volume(*e) / volume);
-            places.iter().fold(M3::zero(), add)
+            let add = |sum, (e, _): &ElementPoint| sum + all[*e][k] * (arrays.volume(*e) / volume);
+            points.iter().fold(M3::zero(), add)
         };
         [0, 1].map(mean)
     }

@@ -5,7 +5,7 @@
 //! tetrahedra have got other nodes. A removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or
 //! moduli, and in lists until they are put in order: it takes part in every pass and adds nothing.
 
-use crate::bodies::Place;
+use crate::bodies::ElementPoint;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix, mean};
 use crate::kernels::{
     Params, polar, tetrahedra_domains, tetrahedra_forces, tetrahedra_means, tetrahedra_plain, tetrahedra_pressures,
@@ -263,7 +263,7 @@ impl Arrays<f64> {
     }
 
     /// Tetrahedra that contain a rest position, with the weights of their corners 1 to 3 there; `rest` `[node]` m.
-    pub fn places(&self, rest: &[[f64; 3]], at: V3<f64>) -> Vec<Place> {
+    pub fn element_points(&self, rest: &[[f64; 3]], at: V3<f64>) -> Vec<ElementPoint> {
         let inside = |(e, corners): (usize, &[u32; 4])| {
             let from = at - V3::of(rest[corners[0] as usize]);
             let weights = matrix(&self.gradients, e).0.map(|gradient| gradient.dot(from));

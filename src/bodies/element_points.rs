@@ -1,6 +1,6 @@
 //! Places in the cells of a grid, for bodies whose elements are these: what probes and fields are read from.
 
-use super::{Model, Moved, Place, Wound};
+use super::{ElementPoint, Model, Moved, Wound};
 use crate::math::{M3, V3, V4};
 use rayon::prelude::*;
 
@@ -25,7 +25,7 @@ pub fn reached(model: &Model, wound: &Wound, nodes: &[u32]) -> Vec<u32> {
 }
 
 /// Present cells of one layer that contain a rest position in the body's frame: between two layers those of the upper one.
-pub fn at(model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
+pub fn at(model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {
     let mut cells = model.cells_at(point);
     cells.retain(|(cell, _)| wound.surface.alive[*cell]);
     let upper = cells.iter().map(|(cell, _)| model.layer(*cell)).max();
@@ -34,12 +34,12 @@ pub fn at(model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
 }
 
 /// Means over places of strain and stress, Pa.
-pub fn means(model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
+pub fn means(model: &Model, wound: &Wound, points: &[ElementPoint], moved: &Moved) -> [M3<f64>; 2] {
     let mut sum = [M3::zero(); 2];
-    for (cell, natural) in places {
+    for (cell, natural) in points {
         let u = wound.surface.parts.corners(*cell).map(|node| moved(node)[0]);
         let own = model.mechanics().strain_and_stress(model, *cell, &u, *natural);
-        sum = [0, 1].map(|k| sum[k] + own[k] * (1.0 / places.len() as f64));
+        sum = [0, 1].map(|k| sum[k] + own[k] * (1.0 / points.len() as f64));
     }
     sum
 }
