@@ -24,7 +24,7 @@
 //! | [`backend`], [`linear`], [`gpu`] | the state on a device, and solvers | Newton's method; read-backs and launches |
 //! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
 //! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
-//! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies, known answers, plots, pictures |
+//! | [`runner`], `report`, `cli` | the run loop, its observers, the program: `commands` | report keys, studies, known answers, plots, pictures |
 //! | `session` | a running scene that is watched, held and changed | commands, pictures, figures |
 //! | `serve`, `http` | a session in a browser | messages between page and session |
 //! | `window` | a session in a window (feature `view`) | threads |
@@ -173,6 +173,9 @@ pub use wgpu;
 pub mod backend;
 pub mod bodies;
 pub mod collide;
+#[doc = include_str!("commands.md")]
+#[cfg(feature = "program")]
+pub mod commands {}
 pub mod constraints;
 pub mod error;
 pub mod formats;
