@@ -120,6 +120,7 @@ pub fn contacts(
     free: impl Fn(u32) -> bool,
     alarm: f64,
 ) -> Vec<Contact> {
+    // faces with their positions and extents
     let mut placed: Vec<Placed> = faces
         .iter()
         .map(|nodes| {
@@ -148,6 +149,7 @@ pub fn contacts(
     placed.sort_by(|a, b| a.low.x.total_cmp(&b.low.x).then(a.nodes.cmp(&b.nodes)));
     let widest = placed.iter().map(|face| face.high.x - face.low.x).fold(0.0, f64::max);
     let reach = placed.iter().map(|face| face.diagonal).fold(alarm, f64::max);
+    // nearest face that each node is opposite to
     let mut out = vec![];
     let mut met = BTreeSet::new();
     for (node, own) in normals.iter().filter(|(node, own)| free(**node) && **own != DVec3::ZERO) {
@@ -160,12 +162,14 @@ pub fn contacts(
             if clear || face.nodes.contains(node) {
                 continue;
             }
+            // gap along the mean of both normals
             let weights = face.nearest(at);
             let outward: DVec3 = face.nodes.iter().zip(weights).map(|(node, w)| normals[node] * w).sum();
             let away = at - mix(&face.now, weights);
             let distance = away.length();
             let Some(normal) = (outward - own).try_normalize() else { continue };
             let gap = normal.dot(away);
+            // opposite to each other now, and not one behind the other at rest
             let faces_it = outward.dot(own) < 0.0 && (away - normal * gap).length() < BESIDE * face.diagonal;
             let within = gap < alarm && gap > -face.diagonal;
             let nearer = best.as_ref().is_none_or(|(least, _)| distance < *least);

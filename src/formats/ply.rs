@@ -104,6 +104,7 @@ fn header(cursor: &mut Cursor) -> Result<(Numbers, Vec<Element>)> {
         let Some(line) = cursor.line() else {
             return Err(Refused::End { at, wanted: "`end_header`" });
         };
+        // the line by words, and a property from them
         let words: Vec<&[u8]> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
         let unexpected = |wanted| Refused::Unexpected { at, found: quoted(line), wanted };
         let property = |name: &[u8], list: Option<&[u8]>, of: &[u8]| {

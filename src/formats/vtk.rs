@@ -240,6 +240,7 @@ fn array(
         _ => None,
     };
     match word {
+        // name, type, number of components, colour table
         b"SCALARS" => {
             let name = cursor.word();
             let kind = cursor.word();
@@ -258,6 +259,7 @@ fn array(
             cursor.numbers = numbers;
             values(cursor, name, kind, components as usize, count, &mut kept)
         }
+        // colours, which nothing keeps
         b"COLOR_SCALARS" | b"LOOKUP_TABLE" => {
             let name = cursor.word();
             let second = self::count(cursor, "the number of colours or components")?;
@@ -275,6 +277,7 @@ fn array(
             let kind = data_type(cursor, numbers)?;
             values(cursor, name, kind, usize::try_from(components).unwrap_or(usize::MAX), count, &mut None)
         }
+        // several arrays, each with its size
         b"FIELD" => {
             cursor.word();
             let arrays = self::count(cursor, "the number of arrays of a field")?;

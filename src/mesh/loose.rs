@@ -17,6 +17,7 @@ struct Spread {
 
 /// Whole pieces around these cells that nothing holds, each as its cells in ascending order; none where the cells are still connected.
 pub fn parted(seeds: &[usize], linked: impl Fn(usize) -> Vec<usize>, held: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    // one spread from each cell
     let (mut spreads, mut of_cell): (Vec<Spread>, BTreeMap<usize, usize>) = (vec![], BTreeMap::new());
     for seed in seeds {
         if let std::collections::btree_map::Entry::Vacant(entry) = of_cell.entry(*seed) {
@@ -32,6 +33,7 @@ pub fn parted(seeds: &[usize], linked: impl Fn(usize) -> Vec<usize>, held: impl 
         }
         k
     };
+    // all spread by one cell in turn, until one is left, or none can go on
     let mut left = spreads.len();
     let mut spreading = true;
     while left > 1 && spreading {
@@ -70,6 +72,7 @@ pub fn parted(seeds: &[usize], linked: impl Fn(usize) -> Vec<usize>, held: impl 
             }
         }
     }
+    // what has not met the others is a piece of its own
     if left < 2 {
         return vec![];
     }

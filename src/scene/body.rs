@@ -71,6 +71,7 @@ pub(super) fn skin(
     if raw.layer.is_empty() {
         return Err(Invalid::NoLayers { at: scene.location(table.span) });
     }
+    // the form that its nodes come from: a mesh of tetrahedra, a closed surface, or a grid alone
     let mesh = mesh(scene, files, &raw)?;
     let embedded = embedded(scene, files, &raw, &law)?;
     let form = match (&mesh, &embedded) {
@@ -101,6 +102,7 @@ pub(super) fn skin(
     let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
     let velocity = or_vector(raw.velocity_m_s, &zero);
     let displacement = or_vector(raw.displacement_mm, &zero);
+    // size and cells of the grid, around the surface if there is one
     let (size, cells) = match &mesh {
         Some(mesh) => (std::array::from_fn(|axis| mesh.size()[axis]), [0; 2]),
         None => {
@@ -127,6 +129,7 @@ pub(super) fn skin(
             (size, cells)
         }
     };
+    // how cuts change it, with room for duplicated nodes
     let cut = match (&mesh, &embedded) {
         (_, Some(_)) => Cut::Remove,
         (Some(mesh), None) => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_mesh(mesh.nodes().len()))?,

@@ -295,6 +295,7 @@ impl Scene {
             let part = several("rest_springs", k);
             part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
         }
+        // inclusions and loads
         for (k, inclusion) in self.inclusions.iter().enumerate() {
             let part = several("inclusions", k);
             part.index("body", inclusion.body, skins)?;
@@ -352,6 +353,7 @@ impl Scene {
             self.check_probe(&several("probes", k), &probe.kind)?;
         }
         scene.of("haptic").positive("rate", &[self.haptic.rate])?;
+        // the view, and what the study refers to
         let view = scene.of("view");
         view.at_least_one("size", &self.view.size)?;
         view.finite("eye, target", &[self.view.eye, self.view.target].concat())?;

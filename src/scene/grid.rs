@@ -325,7 +325,7 @@ pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -
 
 /// Region of the given name; it must contain a node of each grid.
 pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid<'a>]) -> Result<Region> {
-    // region of this name; keys of other regions are errors
+    // words, with the regions that have no keys
     let known = [
         ("bottom", Some(Region::Bottom)),
         ("top", Some(Region::Top)),
@@ -347,6 +347,7 @@ pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, g
     let words: Vec<(&str, (&str, &Option<Region>))> = known.iter().map(|(word, of)| (*word, (*word, of))).collect();
     let (word, whole) = scene.choice("region", name, &words)?;
     let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm, group } = &extent;
+    // keys of other regions
     if word != "group" {
         scene.needless("group", group, "it belongs to region = \"group\"")?;
     }

@@ -83,6 +83,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     for table in raw.block {
         skins.push(body::skin(&scene, files, table, Some(&mut taken))?);
     }
+    // rigid bodies and walls
     let mut tools = tools::tools(&scene, files, raw.tool, &mut taken)?;
     tools.extend(bodies::rigids(&scene, raw.rigid, &mut taken)?);
     let planes = bodies::planes(&scene, raw.plane, &mut taken)?;
@@ -109,6 +110,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Precomputed && changes {
         return Err(Invalid::PrecomputedCut { path: file.to_path_buf() });
     }
+    // carving, the integrator and its laws
     tools::carves(file, &skins, &tools, contact.correction)?;
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
@@ -118,6 +120,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         integrator::stable(&scene, word, integrator, skin.law)?;
     }
     hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
+    // steps and ticks
     let step_ms = time_keys.step_ms.span();
     let time = time(&scene, time_keys, integrator)?;
     let haptic = devices::haptic(&scene, raw::keys(raw.haptic))?;

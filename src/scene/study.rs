@@ -110,12 +110,14 @@ pub(super) fn study(
         let why = "a body with `embed` has a law of large strains";
         scene.needless("laws", &raw.laws, why)?;
     }
+    // values along each axis
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
     let one = |key, value: &Option<At<f64>>, unit| match value {
         Some(value) => scene.number(key, value, unit, Bound::Positive),
         None => Ok(0.0),
     };
     let laws = words(scene, "laws", raw.laws, &laws(skins))?;
+    // an integrator that fits a law of the study, or why it fits none
     let of_study = |word: &At<String>| {
         let integrator = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, touching)?;
         let mut all = skins.iter().map(|skin| skin.law).chain(laws.iter().copied());

@@ -132,6 +132,7 @@ impl Simulation {
         }
         // reactions along several axes of a region are one sum
         let mut borne: Vec<(usize, &Region, [f64; 3])> = vec![];
+        // value of each probe
         for probe in &self.probes {
             let value = match &probe.kind {
                 ProbeKind::Displacement { body, axis, .. } | ProbeKind::MeanDisplacement { body, axis, .. } => {

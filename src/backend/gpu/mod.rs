@@ -50,7 +50,7 @@ pub struct GpuBackend {
     axes: Vec<V3<f32>>, // [node] 1 free, 0 fixed
     bytes: u64,
     body: Body,
-    on_rest_springs: Option<RestSpringPass>,
+    rest_springs: Option<RestSpringPass>,
     solver: Solver,
     newton: Option<Newton>,
     driven: Option<Driven>,
@@ -93,8 +93,8 @@ impl GpuBackend {
         let ahead = explicit::Ahead::new(&mut made, model, &main, &u, &v)?;
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
         let free = made.with("free", n, || rounded(&model.in_system()))?;
-        let on_rest_springs = RestSpringPass::new(&mut made, model)?;
-        let masses = on_rest_springs.as_ref().map_or(&free, |a| &a.masses).clone();
+        let rest_springs = RestSpringPass::new(&mut made, model)?;
+        let masses = rest_springs.as_ref().map_or(&free, |a| &a.masses).clone();
         let mut kind = model.mechanics().recorded(model, &mut made, &u, &params)?;
         let elements = kind.elements();
         // preconditioner blocks; those of unused nodes keep their initial values
@@ -126,7 +126,7 @@ impl GpuBackend {
         begin
             .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, over_nodes(&params)));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
-        begin.extend(on_rest_springs.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
+        begin.extend(rest_springs.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
         if !explicit {
             begin.push((kind.blocks(&gpu, &arrays, &[("params", &main)])?, over_nodes(&params)));
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
@@ -174,7 +174,7 @@ impl GpuBackend {
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
             body: Body { u, v, free, masses, load, elements },
-            on_rest_springs,
+            rest_springs,
             solver,
             newton,
             driven,

@@ -98,8 +98,8 @@ impl GpuBackend {
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.body.masses.clone();
         self.put(&buffer, &ids, &values)?;
-        if let Some(on_rest_springs) = &self.on_rest_springs {
-            let (buffer, values) = (self.body.free.clone(), on_rest_springs.in_system(free));
+        if let Some(rest_springs) = &self.rest_springs {
+            let (buffer, values) = (self.body.free.clone(), rest_springs.in_system(free));
             self.put(&buffer, &ids, &values)?;
         }
         for (node, value) in free {

@@ -192,6 +192,7 @@ impl Tetrahedra {
         let upright = |count: usize| move || vec![UPRIGHT.map(|c| c as f32); count];
         shared.push(made.with("node_rotation", nodes, upright(nodes))?);
         let force = made.vec4("tetrahedron_force", 3 * count * slots)?;
+        // strains and pressures of domains
         let patches = Self::patch_count(params, smoothed);
         if smoothed || hyperelastic {
             shared.extend([
@@ -207,6 +208,7 @@ impl Tetrahedra {
         if smoothed {
             shared.push(made.with("per_volume", nodes, per_volume)?);
         }
+        // linearisation of a large-strain law, or rotations of a small-strain one
         match hyperelastic {
             true => {
                 let laws: Vec<u32> =
@@ -219,6 +221,7 @@ impl Tetrahedra {
         if smoothed || hyperelastic {
             shared.push(made.with("domain_rotation", domains, upright(domains))?);
         }
+        // patches of plain elements: around each tetrahedron those that share a node
         let mut of_patches = vec![];
         if hyperelastic && !smoothed {
             let of = &own.patches;
