@@ -156,14 +156,8 @@ pub trait Mechanics {
         element_points::corners(wound, points.iter().map(|(cell, _)| *cell))
     }
     /// Means over points, one or more, of the Green–Lagrange strain and the Cauchy stress, Pa.
-    fn strain_and_stress_at(
-        &self,
-        model: &Model,
-        wound: &Wound,
-        points: &[ElementPoint],
-        moved: &Moved,
-    ) -> [M3<f64>; 2] {
-        element_points::means(model, wound, points, moved)
+    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, at: &[ElementPoint], moved: &Moved) -> [M3<f64>; 2] {
+        element_points::means(model, wound, at, moved)
     }
     /// `[cell]`, or `[tetrahedron]` of a mesh: Green–Lagrange strain and Cauchy stress, Pa, in the middle, at displacements `u`, `[node]` m;
     /// those of removed cells are 0.

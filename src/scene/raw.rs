@@ -78,7 +78,6 @@ pub(super) struct Scene {
     #[serde(default)]
     pub boundary: Vec<Table<Boundary>>,
     #[serde(default)]
-    #[serde(alias = "anchor")]
     pub rest_spring: Vec<Table<RestSpring>>,
     #[serde(default)]
     pub inclusion: Vec<Table<Inclusion>>,

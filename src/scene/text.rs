@@ -396,7 +396,13 @@ fn plain_type(wanted: &str) -> &str {
     }
 }
 
+/// Keys with another name since a former version.
+const RENAMED: [(&str, &str); 1] = [("anchor", "rest_spring")];
+
 fn key_hint(key: &str, known: &[&str]) -> String {
+    if let Some((_, now)) = RENAMED.iter().find(|(former, _)| *former == key) {
+        return format!("it is called `{now}` now");
+    }
     let same_stem = known.iter().find(|other| stem(other) == stem(key));
     if let Some(other) = same_stem {
         return format!("the unit is part of the key: write `{other}` and convert the value to its unit");

@@ -408,7 +408,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "3 array multigrid: d",
                 "2 array multigrid: free",
                 "2 array multigrid: modes",
-                "18 array multigrid: params",
+                "17 array multigrid: params",
                 "1 array multigrid: partial_gamma",
                 "2 array multigrid: partial_product",
                 "2 array multigrid: r",

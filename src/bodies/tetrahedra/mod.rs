@@ -362,20 +362,14 @@ impl Mechanics for Tetrahedra {
     }
 
     /// Means by volume: at a node those over the tetrahedra around it.
-    fn strain_and_stress_at(
-        &self,
-        model: &Model,
-        wound: &Wound,
-        points: &[ElementPoint],
-        moved: &Moved,
-    ) -> [M3<f64>; 2] {
+    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, at: &[ElementPoint], moved: &Moved) -> [M3<f64>; 2] {
         let arrays = self.now(wound);
         let u: Vec<V4<f64>> = (0..model.node_count()).map(|node| moved(node)[0].pad(0.0)).collect();
         let all = arrays.strains_and_stresses(&u, self.corotational);
-        let volume: f64 = points.iter().map(|(e, _)| arrays.volume(*e)).sum();
+        let volume: f64 = at.iter().map(|(e, _)| arrays.volume(*e)).sum();
         let mean = |k: usize| {
             let add = |sum, (e, _): &ElementPoint| sum + all[*e][k] * (arrays.volume(*e) / volume);
-            points.iter().fold(M3::zero(), add)
+            at.iter().fold(M3::zero(), add)
         };
         [0, 1].map(mean)
     }
