@@ -2,9 +2,10 @@
 
 use super::print;
 use super::refused::{self, Refused};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
-use cutis::scene::{Preconditioner, nearest};
+use cutis::scene::{PRECONDITIONERS, Preconditioner, nearest};
 use std::ffi::{OsStr, OsString};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -162,8 +163,8 @@ pub struct Solver {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
     /// Preconditioner of the conjugate gradients
-    #[arg(long, value_enum)]
-    pub preconditioner: Option<Precondition>,
+    #[arg(long, value_parser = preconditioner())]
+    pub preconditioner: Option<Preconditioner>,
 }
 
 /// `compare`.
@@ -421,34 +422,22 @@ pub enum Precision {
     F32,
 }
 
-/// Preconditioners by the scene's words.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Precondition {
-    /// Plain conjugate gradients
-    None,
-    /// The diagonal
-    Jacobi,
-    /// 3×3 blocks of the nodes
-    Block,
-    /// Block-tridiagonal along each column of nodes
-    Column,
-    /// A V-cycle of geometric multigrid; of tetrahedra on a grid around them
-    Multigrid,
-    /// An exact sparse factor; hexahedra only, on the CPU path, which `auto` then takes
-    Direct,
-}
-
-impl From<Precondition> for Preconditioner {
-    fn from(word: Precondition) -> Self {
-        match word {
-            Precondition::None => Self::None,
-            Precondition::Jacobi => Self::Jacobi,
-            Precondition::Block => Self::Block,
-            Precondition::Column => Self::Column,
-            Precondition::Multigrid => Self::Multigrid,
-            Precondition::Direct => Self::Direct,
-        }
-    }
+/// The scene's words for preconditioners, with what each is.
+fn preconditioner() -> impl TypedValueParser<Value = Preconditioner> {
+    let value = |(word, kind): (&'static str, Preconditioner)| {
+        PossibleValue::new(word).help(match kind {
+            Preconditioner::None => "Plain conjugate gradients",
+            Preconditioner::Jacobi => "The diagonal",
+            Preconditioner::Block => "3×3 blocks of the nodes",
+            Preconditioner::Column => "Block-tridiagonal along each column of nodes",
+            Preconditioner::Multigrid => "A V-cycle of geometric multigrid; of tetrahedra on a grid around them",
+            Preconditioner::Direct => {
+                "An exact sparse factor; hexahedra only, on the CPU path, which `auto` then takes"
+            }
+        })
+    };
+    let kind = |word: String| PRECONDITIONERS.into_iter().find(|known| known.0 == word).map(|known| known.1);
+    PossibleValuesParser::new(PRECONDITIONERS.map(value)).map(move |word| kind(word).expect("one of the values"))
 }
 
 fn number(text: &str, wanted: &str, holds: impl Fn(f64) -> bool) -> Result<f64, String> {

@@ -94,7 +94,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     let solver = &mut scene.solver;
     solver.tolerance = args.solver.tolerance.unwrap_or(solver.tolerance);
     solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
-    solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
+    solver.preconditioner = args.solver.preconditioner.unwrap_or(solver.preconditioner);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|seconds| steps_of(seconds, scene.time.step)).transpose()?;
     // haptic threads need a core of their own
