@@ -127,7 +127,6 @@ pub const ALL: &[&Source] = &[
     &accelerate::SOURCE,
     &advance::SOURCE,
     &ahead::SOURCE,
-    &rest_springs::SOURCE,
     &auxiliary_correction::SOURCE,
     &auxiliary_restriction::SOURCE,
     &auxiliary_rotations::SOURCE,
@@ -158,6 +157,7 @@ pub const ALL: &[&Source] = &[
     &scatter::SOURCE,
     &relax::SOURCE,
     &residual::SOURCE,
+    &rest_springs::SOURCE,
     &split_product::SOURCE,
     &springs::SOURCE,
     &springs_blocks::SOURCE,
@@ -297,6 +297,7 @@ pub const PARALLEL: usize = 8192;
 
 /// Splits a nodal array into parts of [`PART`] z-columns for threads: `[part × level]` pieces, and the number of levels.
 pub fn by_columns<T>(array: &mut [T], columns: usize) -> (Vec<&mut [T]>, usize) {
+    debug_assert!(array.len().is_multiple_of(columns), "a node of each column at each level");
     let (parts, levels) = (columns.div_ceil(PART), (array.len() / columns).max(1));
     let mut pieces: Vec<&mut [T]> = vec![];
     pieces.resize_with(parts * levels, Default::default);

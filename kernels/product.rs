@@ -79,9 +79,10 @@ const LINEARISED_PLANES: usize = 12;
 /// Node rows of each strip.
 fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
     let rows = params.nodes_y as usize;
-    let most = (rows / STRIP).max(4);
     // an even number, since three strips take two threads as long as four
-    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / NARROW / 2 * 2).clamp(1, most) };
+    let even = |count: usize| count / 2 * 2;
+    let most = even(rows / STRIP).max(4);
+    let count = if (params.cell_count as usize) < ALONE { 1 } else { even(rows / NARROW).clamp(1, most) };
     (0..count).map(|s| rows * s / count..rows * (s + 1) / count).collect()
 }
 
@@ -592,5 +593,17 @@ mod tests {
         };
         let one = on(1);
         assert!(on(2) == one && on(3) == one);
+    }
+
+    #[test]
+    fn strips_cover_all_rows_and_are_one_or_an_even_number() {
+        for cells_y in 1..200 {
+            let [nodes_y, cell_count] = [cells_y + 1, 5 * cells_y * cells_y];
+            let strips = strips(&Params::<f32> { nodes_y, cells_y, cell_count, ..Params::default() });
+            let ends: Vec<usize> = strips.iter().flat_map(|rows| [rows.start, rows.end]).collect();
+            assert!(ends[0] == 0 && ends[ends.len() - 1] == nodes_y as usize, "{strips:?}");
+            assert!(ends[1..ends.len() - 1].chunks(2).all(|pair| pair[0] == pair[1]), "{strips:?}");
+            assert!(strips.len() == 1 || strips.len() % 2 == 0, "{cells_y}: {}", strips.len());
+        }
     }
 }

@@ -79,7 +79,7 @@ impl<R: Real> Task<R> for Rows<'_, R> {
             // along x
             let free = &free[row * coarse_x..][..coarse_x];
             for i in 0..coarse_x {
-                // the last coarse node of an even number lies beyond the fine ones
+                // with an odd number of cells the last coarse node lies beyond the fine ones
                 let behind = sums.get(2 * i + 2).copied().unwrap_or_default();
                 let [before, at] = [sums[2 * i], sums[2 * i + 1]];
                 for n in 0..3 {
@@ -87,6 +87,48 @@ impl<R: Real> Task<R> for Rows<'_, R> {
                 }
                 out[i][3] = R::zero();
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::prolongation::prolongation;
+    use crate::math::random::Random;
+
+    #[test]
+    fn it_is_the_transpose_of_prolongation_on_odd_and_even_grids() {
+        let mut random = Random::new(5);
+        for [cells_x, cells_y] in [[1, 1], [1, 3], [3, 1], [7, 8], [8, 7], [22, 21]] {
+            let [nodes_x, nodes_y, nodes_z] = [cells_x + 1, cells_y + 1, 3];
+            let node_count = nodes_x * nodes_y * nodes_z;
+            let params = Params::<f64> {
+                nodes_x,
+                nodes_y,
+                nodes_z,
+                node_count,
+                cells_x,
+                cells_y,
+                cells_z: 2,
+                ..Params::default()
+            };
+            let coarse = params.coarse_cells().map(|c| c + 1).iter().product();
+            let mut vectors = |count: usize| -> Vec<V4<f64>> {
+                (0..count).map(|_| [(); 3].map(|()| random.signed())).map(|[x, y, z]| [x, y, z, 0.0]).collect()
+            };
+            let free = |count| vec![[1.0; 4]; count];
+            let fine = node_count as usize;
+            let (r, w, z) = (vectors(fine), vectors(fine), vectors(coarse));
+            let (mut restricted, mut prolonged) = (vec![[0.0; 4]; coarse], vec![[0.0; 4]; fine]);
+            restriction(&params, &free(coarse), &[], &r, &w, &mut restricted);
+            prolongation(&params, &free(fine), &[], &z, &mut prolonged);
+            let dot = |a: &[V4<f64>], b: &[V4<f64>]| {
+                a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum::<f64>()
+            };
+            let residual: Vec<V4<f64>> = r.iter().zip(&w).map(|(r, w)| std::array::from_fn(|n| r[n] - w[n])).collect();
+            let [a, b] = [dot(&restricted, &z), dot(&residual, &prolonged)];
+            assert!((a - b).abs() < 1e-12 * dot(&residual, &residual), "{cells_x} × {cells_y} cells: {a}, {b}");
         }
     }
 }

@@ -17,7 +17,7 @@ fn restriction(thread: Thread) {
     let offset = slot * params.node_count;
     let at = vec3<u32>(2u * (i % size.x), 2u * ((i / size.x) % size.y), i / (size.x * size.y));
     var sum = vec3<f32>(0.0);
-    // one more than the node's
+    // x and y are one more than the node's, so that they are not negative
     for (var x = at.x; x < at.x + 3u; x += 1u) {
         var along_y = vec3<f32>(0.0);
         for (var y = at.y; y < at.y + 3u; y += 1u) {

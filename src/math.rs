@@ -53,6 +53,8 @@ pub trait Real:
     const NAME: &'static str;
     /// Distance from 1 to the next larger number.
     const EPSILON: Self;
+    /// Least positive number with all its digits.
+    const MIN_POSITIVE: Self;
     /// Rounds an f64.
     fn of(value: f64) -> Self;
     /// Widens to f64.
@@ -111,6 +113,7 @@ macro_rules! real {
         impl Real for $t {
             const NAME: &'static str = $name;
             const EPSILON: Self = <$t>::EPSILON;
+            const MIN_POSITIVE: Self = <$t>::MIN_POSITIVE;
             fn of(value: f64) -> Self {
                 value as $t
             }

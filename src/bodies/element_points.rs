@@ -1,4 +1,4 @@
-//! Places in the cells of a grid, for bodies whose elements are these: what probes and fields are read from.
+//! Points in the cells of a grid, for bodies whose elements are these: what probes and fields are read from.
 
 use super::{ElementPoint, Model, Moved, Wound};
 use crate::math::{M3, V3, V4};
@@ -33,7 +33,7 @@ pub fn at(model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {
     cells
 }
 
-/// Means over places of strain and stress, Pa.
+/// Means over points of strain and stress, Pa.
 pub fn means(model: &Model, wound: &Wound, points: &[ElementPoint], moved: &Moved) -> [M3<f64>; 2] {
     let mut sum = [M3::zero(); 2];
     for (cell, natural) in points {

@@ -60,9 +60,9 @@ pub struct Solved {
 /// cells), at the state's displacements or its own.
 pub fn elastic_energy(model: &Model, state: &Snapshot, rotation: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
-    let on_rest_springs =
+    let of_rest_springs =
         model.rest_springs.energy(&state.u, mechanics.stays(model, rotation, &state.split, &state.law));
-    on_rest_springs + mechanics.energy(model, state, rotation)
+    of_rest_springs + mechanics.energy(model, state, rotation)
 }
 
 /// Energy of bodies, J.
@@ -181,10 +181,10 @@ pub(super) fn count_cells(model: &Model, state: &Snapshot, holds: &Holds) -> u32
 pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
     let still = Solved { dx: vec![[0.0; 4]; solved.start.u.len()], ..solved.clone() };
     let (rest, _, f) = equations(model, &still);
-    let mut on_rest_springs = vec![[0.0; 4]; f.len()];
+    let mut spring_forces = vec![[0.0; 4]; f.len()];
     let Snapshot { u, free, .. } = &still.start;
-    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, u, &mut on_rest_springs);
-    let largest = [&f, &on_rest_springs, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
+    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, u, &mut spring_forces);
+    let largest = [&f, &spring_forces, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
     (norm(&rest), largest)
 }
 

@@ -144,14 +144,14 @@ pub trait Mechanics {
     /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of the nodes that they reach,
     /// and of the stiffness damping (and the springs' own) at their velocities.
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]>;
-    /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
+    /// Green–Lagrange strain and Cauchy stress, Pa, at a point of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
     /// Present elements of one layer, between two layers of the upper one, that contain a rest position in the body's frame.
     fn element_points(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {
         element_points::at(model, wound, point)
     }
-    /// Nodes that strain and stress at places depend on, in ascending order.
+    /// Nodes that strain and stress at points depend on, in ascending order.
     fn reached_from(&self, _model: &Model, wound: &Wound, points: &[ElementPoint]) -> Vec<u32> {
         element_points::corners(wound, points.iter().map(|(cell, _)| *cell))
     }
@@ -291,7 +291,7 @@ impl Model {
             law.fill(&model.grid, &skin.layers);
         }
         let rest_springs: Vec<RestSpring> = scene.rest_springs.iter().filter(|a| a.body == body).cloned().collect();
-        model.rest_springs = RestSprings::new(&rest_springs, |rest_spring| model.grid.nodes_in(&rest_spring.region));
+        model.rest_springs = RestSprings::new(&rest_springs, |spring| model.grid.nodes_in(&spring.region));
         model.set_masses(&skin.layers);
         model.hold(scene);
         // reserve for the nodes that a cut duplicates

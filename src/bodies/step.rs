@@ -141,7 +141,7 @@ impl Step {
         }
     }
 
-    /// Lead time of the elastic forces: they are evaluated at `u + lead_time · v`, s.
+    /// Lead time of the elastic forces: they are evaluated at `u + τ v`, s.
     pub fn lead_time(&self) -> f64 {
         if self.explicit() { self.rayleigh_stiffness } else { 0.0 }
     }

@@ -3,7 +3,7 @@
 //! Text is read by rows where a format has a record on each line, so that a line with too few or too many numbers is told by its own
 //! number; or freely ([`Cursor::free`]) where numbers may stand on any lines. Lines are counted when an error asks for them.
 
-use super::{At, Offset, Refused, Result, quoted};
+use super::{At, Position, Refused, Result, quoted};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -110,13 +110,13 @@ impl<'a> Cursor<'a> {
         self.at = position.min(self.bytes.len());
     }
 
-    /// The present place.
+    /// The present location.
     pub fn location(&self) -> At {
-        self.place_of(self.at)
+        self.location_of(self.at)
     }
 
-    /// Byte where the next word, or the next binary number, begins; [`Cursor::at`] makes a place of it.
-    pub fn place_of_next(&self) -> usize {
+    /// Byte where the next word, or the next binary number, begins; [`Cursor::at`] makes a location of it.
+    pub fn location_of_next(&self) -> usize {
         match self.numbers {
             Numbers::Text => self.at + self.left().iter().take_while(|byte| byte.is_ascii_whitespace()).count(),
             _ => self.at,
@@ -125,29 +125,29 @@ impl<'a> Cursor<'a> {
 
     /// Location of a byte.
     pub fn at(&self, position: usize) -> At {
-        self.place_of(position.min(self.bytes.len()))
+        self.location_of(position.min(self.bytes.len()))
     }
 
-    fn place_of(&self, at: usize) -> At {
-        let offset = match self.numbers {
-            Numbers::Text => Offset::Line(1 + self.bytes[..at].iter().filter(|byte| **byte == b'\n').count()),
-            _ => Offset::Byte(at),
+    fn location_of(&self, at: usize) -> At {
+        let position = match self.numbers {
+            Numbers::Text => Position::Line(1 + self.bytes[..at].iter().filter(|byte| **byte == b'\n').count()),
+            _ => Position::Byte(at),
         };
-        At { file: self.path.to_path_buf(), offset }
+        At { file: self.path.to_path_buf(), position }
     }
 
     /// An error at a byte: found something, or the end, where `wanted` should stand.
     fn unlike(&self, at: usize, found: &[u8], wanted: &'static str) -> Refused {
         match found.is_empty() && at >= self.bytes.len() {
-            true => Refused::End { at: self.place_of(at), wanted },
+            true => Refused::End { at: self.location_of(at), wanted },
             false if found.is_empty() => {
-                Refused::Unexpected { at: self.place_of(at), found: "the line ends".into(), wanted }
+                Refused::Unexpected { at: self.location_of(at), found: "the line ends".into(), wanted }
             }
-            false => Refused::Unexpected { at: self.place_of(at), found: quoted(found), wanted },
+            false => Refused::Unexpected { at: self.location_of(at), found: quoted(found), wanted },
         }
     }
 
-    /// An error at the present place.
+    /// An error at the present location.
     pub fn unexpected(&self, found: impl Into<String>, wanted: &'static str) -> Refused {
         Refused::Unexpected { at: self.location(), found: found.into(), wanted }
     }
@@ -234,7 +234,7 @@ impl<'a> Cursor<'a> {
     pub fn take(&mut self, count: usize, wanted: &'static str) -> Result<&'a [u8]> {
         let left = self.left();
         if left.len() < count {
-            return Err(Refused::End { at: self.place_of(self.bytes.len()), wanted });
+            return Err(Refused::End { at: self.location_of(self.bytes.len()), wanted });
         }
         self.at += count;
         Ok(&left[..count])
@@ -290,7 +290,7 @@ impl<'a> Cursor<'a> {
             return Ok(point);
         }
         let found = format!("a point at {point:?}");
-        Err(Refused::Unexpected { at: self.place_of(self.begun(at)), found, wanted: "three finite numbers" })
+        Err(Refused::Unexpected { at: self.location_of(self.begun(at)), found, wanted: "three finite numbers" })
     }
 
     /// Where the word that was read from `at` on begins.
@@ -312,7 +312,7 @@ impl<'a> Cursor<'a> {
         let each = bytes[usize::from(self.numbers != Numbers::Text)];
         self.holds(found, each, what).map_err(|error| match error {
             Refused::Count { what, found, left, .. } => {
-                Refused::Count { at: self.place_of(self.begun(at)), what, found, left }
+                Refused::Count { at: self.location_of(self.begun(at)), what, found, left }
             }
             error => error,
         })

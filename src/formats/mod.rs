@@ -144,7 +144,7 @@ impl Format {
 /// Reads a mesh file by its ending. `progress` is told the share of the file that is read, 0 to 1, every megabyte or so.
 ///
 /// # Errors
-/// [`Refused`], with the place in the file.
+/// [`Refused`], with the location in the file.
 pub fn read(path: &Path, progress: &mut dyn FnMut(f64)) -> Result<Mesh> {
     let format = Format::of(path)?;
     let no_file = |reason: String| Refused::File { path: path.to_path_buf(), reason };
@@ -160,7 +160,7 @@ pub fn read(path: &Path, progress: &mut dyn FnMut(f64)) -> Result<Mesh> {
 /// Reads the bytes of a mesh file; `path` is for messages.
 ///
 /// # Errors
-/// [`Refused`], with the place in the file.
+/// [`Refused`], with the location in the file.
 pub fn parse(bytes: &[u8], format: Format, path: &Path, progress: &mut dyn FnMut(f64)) -> Result<Mesh> {
     if bytes.trim_ascii().is_empty() {
         return Err(Refused::Empty { path: path.to_path_buf() });
@@ -326,18 +326,18 @@ impl Mesh {
     }
 }
 
-/// Offset in a file.
+/// Position in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct At {
     /// File name as given by the user.
     pub file: PathBuf,
     /// Where in it.
-    pub offset: Offset,
+    pub position: Position,
 }
 
-/// Offset within a file.
+/// Position within a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Offset {
+pub enum Position {
     /// Line of a text, from 1.
     Line(usize),
     /// Byte of binary data, from 0.
@@ -347,15 +347,15 @@ pub enum Offset {
 impl At {
     /// A line of a file.
     pub fn line(file: &Path, line: usize) -> Self {
-        Self { file: file.to_path_buf(), offset: Offset::Line(line) }
+        Self { file: file.to_path_buf(), position: Position::Line(line) }
     }
 }
 
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.offset {
-            Offset::Line(line) => write!(f, "{}:{line}", self.file.display()),
-            Offset::Byte(byte) => write!(f, "{}, byte {byte}", self.file.display()),
+        match self.position {
+            Position::Line(line) => write!(f, "{}:{line}", self.file.display()),
+            Position::Byte(byte) => write!(f, "{}, byte {byte}", self.file.display()),
         }
     }
 }
@@ -417,7 +417,7 @@ pub enum Refused {
     /// Something else than what the format says.
     #[error("{at}: {found}; wanted {wanted}; mend it, or export the mesh again")]
     Unexpected {
-        /// Offset in the file.
+        /// Position in the file.
         at: At,
         /// What stands there.
         found: String,
@@ -439,7 +439,7 @@ pub enum Refused {
         "{at}: {found} {what} are announced, but only {left} bytes follow; export the mesh again, it is cut off or the number is wrong"
     )]
     Count {
-        /// Offset of the number.
+        /// Position of the number.
         at: At,
         /// What is counted.
         what: &'static str,
@@ -454,7 +454,7 @@ pub enum Refused {
         "{at}: a cell names point {found}, which is not among the {count} points of the file; mend the cell, or export the mesh again"
     )]
     Point {
-        /// Offset of the number.
+        /// Position of the number.
         at: At,
         /// The number.
         found: String,
@@ -465,7 +465,7 @@ pub enum Refused {
     /// What the format has and is not read here.
     #[error("{at}: {found}; {mend}")]
     Unsupported {
-        /// Offset in the file.
+        /// Position in the file.
         at: At,
         /// What stands there, and what is read.
         found: String,

@@ -75,7 +75,7 @@ impl Ids {
 /// Reads a file.
 ///
 /// # Errors
-/// [`Refused`], with the place.
+/// [`Refused`], with the location.
 pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     let mut read = Read::default();
     while let Some(name) = section(cursor)? {

@@ -50,7 +50,7 @@ fn kind(word: &[u8]) -> Option<Type> {
 /// Reads a file.
 ///
 /// # Errors
-/// [`Refused`], with the place.
+/// [`Refused`], with the location.
 pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     let (numbers, elements) = header(cursor)?;
     cursor.numbers = numbers;
@@ -184,7 +184,7 @@ fn vertices(cursor: &mut Cursor, element: &Element, count: usize, mesh: &mut Mes
     mesh.points.reserve(count);
     for _ in 0..count {
         cursor.row("a vertex")?;
-        let at = cursor.place_of_next();
+        let at = cursor.location_of_next();
         let mut point = [f64::NAN; 3];
         for (k, property) in element.properties.iter().enumerate() {
             match [x, y, z].iter().position(|axis| *axis == k) {
@@ -219,7 +219,7 @@ fn faces(cursor: &mut Cursor, element: &Element, count: usize, out: &mut Vec<u32
                 let region = cursor.real(property.kind, "the region of a face")?;
                 out[start + 1] = region as i32 as u32;
             } else if let Some(kind) = property.list.filter(|_| k == list) {
-                let at = cursor.place_of_next();
+                let at = cursor.location_of_next();
                 let nodes = cursor.count(kind, [2, property.kind.bytes()], "vertices of a face")?;
                 if nodes < 3 {
                     let found = format!("a face of {nodes} vertices");

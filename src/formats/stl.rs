@@ -42,7 +42,7 @@ impl Welded {
 /// Reads a file.
 ///
 /// # Errors
-/// [`Refused`], with the place.
+/// [`Refused`], with the location.
 pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     let bytes = cursor.left();
     let count = bytes.get(80..HEADER).map(|count| Type::Unsigned(4).whole(count, false).unwrap_or(0));

@@ -12,7 +12,7 @@ const LISTS: [(&[u8], u8); 4] = [(b"VERTICES", 2), (b"LINES", 4), (b"POLYGONS", 
 /// Reads a file.
 ///
 /// # Errors
-/// [`Refused`], with the place.
+/// [`Refused`], with the location.
 pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     let numbers = header(cursor)?;
     let mut grid = Grid::default();

@@ -154,7 +154,7 @@ pub struct EnergyReport {
     pub end: Option<f64>,
     /// Kinetic energy.
     pub kinetic: Extremes,
-    /// Elastic energy of cells, springs and rest-shape springs.
+    /// Elastic energy of elements and rest-shape springs.
     pub elastic: Extremes,
     /// Potential of gravity and of the dead loads that act: 0 in the rest shape, of a rigid body at the origin.
     pub potential: Extremes,

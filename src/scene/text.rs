@@ -400,7 +400,7 @@ fn plain_type(wanted: &str) -> &str {
 const RENAMED: [(&str, &str); 1] = [("anchor", "rest_spring")];
 
 fn key_hint(key: &str, known: &[&str]) -> String {
-    if let Some((_, now)) = RENAMED.iter().find(|(former, _)| *former == key) {
+    if let Some((_, now)) = RENAMED.iter().find(|(former, now)| *former == key && known.contains(now)) {
         return format!("it is called `{now}` now");
     }
     let same_stem = known.iter().find(|other| stem(other) == stem(key));

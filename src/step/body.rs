@@ -24,7 +24,7 @@ use crate::math::{V4, larger, norm};
 use crate::mesh::{Carved, Corner, Face};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
-pub(super) use compliance::{MOST_AT_ONCE, RestNodes, Solving};
+pub(super) use compliance::{MOST_AT_ONCE, RestShape, Solving};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use start::{check_step, slots};

@@ -24,7 +24,7 @@ const TOUCHES: f64 = 1e-4;
 pub(super) struct Tie {
     contact: Contact,
     /// Attachment point on the second body: in the frame of a rigid body, in the world for a wall or the world.
-    target: DVec3,
+    attachment_point: DVec3,
 }
 
 impl Tie {
@@ -340,8 +340,8 @@ impl Simulation {
                     .map(|(node, weight)| self.bodies[body].node_position(*node) * *weight)
                     .sum()
             }
-            BodyId::Rigid(number) => self.tools[number].at(tie.target),
-            BodyId::Plane(_) | BodyId::World => tie.target,
+            BodyId::Rigid(number) => self.tools[number].at(tie.attachment_point),
+            BodyId::Plane(_) | BodyId::World => tie.attachment_point,
         };
         let (first, second): (DVec3, DVec3) = (position(0), position(1));
         contact.point = first;
@@ -382,7 +382,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
                 position: at.to_array().map(|c| c * 1e3),
                 distance: distance * 1e3,
             };
-            let (point, target) = other_end(simulation, attachment.to, patch.as_ref(), at).map_err(apart)?;
+            let (point, attachment_point) = other_end(simulation, attachment.to, patch.as_ref(), at).map_err(apart)?;
             let contact = Contact {
                 on: [BodyId::Deformable(attachment.body), attachment.to],
                 points: [MaterialPoint::node(node), point],
@@ -393,7 +393,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
                 depth: 0.0,
                 law,
             };
-            out.push(Tie { contact, target });
+            out.push(Tie { contact, attachment_point });
         }
     }
     Ok(out)
@@ -411,7 +411,7 @@ fn rows(attachment: &Attachment, nodes: usize) -> ([DVec3; 3], Law) {
 }
 
 /// Attachment point on the other body for a rest position `at`: the material point of a deformable body, on its surface or inside, and the
-/// target of a [`Tie`]; the distance to the body, m, if it is not there.
+/// point as a [`Tie`] keeps it; the distance to the body, m, if it is not there.
 fn other_end(
     simulation: &Simulation,
     to: BodyId,

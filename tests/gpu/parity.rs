@@ -198,7 +198,7 @@ const CASES: &[Case] = cases! {
         "(b[i].xyz + before)" => "b[i].xyz", "dot(left, left)" => "dot(left, pull)", "elastic + left" => "elastic - left", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     restriction Nodes true [
-        "0.5, 1.0, x == at.x + 1u" => "0.5, 1.0, x == at.x", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
+        "0.5, 1.0, x == at.x + 1u" => "0.5, 1.0, x == at.x", "0.5, 1.0, y == at.y + 1u" => "0.5, 1.0, y == at.y", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
         "coarse_free[i].xyz" => "coarse_free[0].xyz", "while next != 0u" => "while next != 0u && false", "level * own.y" => "level",
         "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
     ]

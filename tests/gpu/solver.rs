@@ -98,11 +98,11 @@ pub fn tests() -> Vec<(String, Test)> {
         all.push((format!("two_steps_of_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         if mass != Consistent {
             let case = Case { on_rest_springs: true, ..case };
-            all.push((format!("two_steps_of_on_rest_springs_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
+            all.push((format!("two_steps_of_{name}_on_rest_springs"), Box::new(move |gpu| case.two_steps(gpu))));
         }
     }
     let case = Case { name: "hexahedra", law: FEM, mass: Lumped, preconditioner: Multigrid, on_rest_springs: true };
-    all.push(("free_motion_of_on_rest_springs_hexahedra_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
+    all.push(("free_motion_of_hexahedra_on_rest_springs_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
 

@@ -2,7 +2,7 @@
 //! theory says and not before.
 //!
 //! One vibration with closed forms: a column of one cell between smooth walls, its top moving up and down as one. With `M_o` the oedometer
-//! modulus, `k = M_o A/t` (and the rest-shape springs' springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
+//! modulus, `k = M_o A/t` (and the stiffness of the rest-shape springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
 
 use super::setup::{
     Body, Random, apart as far, block, displaced, dot, epsilon, measured, model, scene, tolerance, xyz,

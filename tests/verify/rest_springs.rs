@@ -1,4 +1,4 @@
-//! RestSprings: springs from nodes to their rest positions, against the oscillator's closed form, balance of forces, and a fixed boundary.
+//! Rest-shape springs: springs from nodes to their rest positions, against the oscillator's closed form, balance of forces, and a fixed boundary.
 //!
 //! A block all of whose nodes weigh the same and hang on equal springs moves as one oscillator, whatever its law: translation strains no
 //! cell. With one implicit step `((1 + h r_M)/h² m + (1 + r_K/h) k) Δx = m g + m v/h − k u`.
@@ -17,16 +17,16 @@ use cutis::scene::{Law, Mass, Preconditioner, Region, RestSpring, Scene};
 use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
-    ("rest_spring_block_follows_the_oscillators_closed_form", oscillator),
+    ("a_block_on_rest_springs_follows_the_oscillators_closed_form", oscillator),
     ("rest_springs_bear_what_presses_the_block", balance),
-    ("rest_spring_scene_is_solved_to_its_tolerance", scene_residual),
+    ("a_scene_with_rest_springs_is_solved_to_its_tolerance", scene_residual),
 ];
 pub const CASES: &[Case] = &[
     ("stiff_rest_springs_approach_a_fixed_boundary_with_one_over_k", fixed_limit),
     ("stiff_rest_springs_cost_multigrid_no_more_than_a_fixed_boundary", iterations),
-    ("every_preconditioner_solves_the_on_rest_springs_block_alike", preconditioners),
+    ("every_preconditioner_solves_a_block_on_rest_springs_alike", preconditioners),
     ("true_residual_knows_the_rest_springs", residual_without_rest_springs),
-    ("energy_of_an_on_rest_springs_block_never_rises", energy),
+    ("energy_of_a_block_on_rest_springs_never_rises", energy),
     ("rest_springs_outlive_a_cut_and_masses_follow_it", cut),
 ];
 
@@ -79,7 +79,7 @@ fn oscillator(platform: &Platform) {
             state.u.iter().map(off).fold(0.0, f64::max) / size
         };
         let off = far(exact(STIFFNESS, damping));
-        measured(&format!("on_rest_springs oscillator {platform:?} {law:?}"), off, 0.0);
+        measured(&format!("oscillator on rest-shape springs {platform:?} {law:?}"), off, 0.0);
         // each step adds its solve's and its sum's rounding
         let bound = 4.0 * STEPS as f64 * (tolerance(platform) + 8.0 * epsilon(platform));
         assert!(off < bound, "{platform:?} {law:?}: {off:e} above {bound:e}");
@@ -122,7 +122,7 @@ fn balance(platform: &Platform) {
                 let d = u[*node as usize];
                 [s[0] + k * d[0], s[1] + k * d[1], s[2] + k * d[2], 0.0]
             });
-        // the cells' forces on held by rest-shape springs nodes are those of the springs, which a reaction probe adds up
+        // the cells' forces on nodes with rest-shape springs are those of the springs, which a reaction probe adds up
         let forces = body.forces();
         let by_cells = rest_springs.nodes.iter().fold([0.0; 4], |s, node| {
             let f = forces[*node as usize];
@@ -154,7 +154,7 @@ fn fixed_limit() {
         let u = pressed(&Platform::Cpu64, on_rest_springs(LINEAR, Region::Bottom, k)).0.state().u;
         apart(&u, &wanted)
     });
-    measured("rest_springs of 1e6 N/m beside a fixed boundary", off[2], 0.0);
+    measured("rest-shape springs of 1e6 N/m beside a fixed boundary", off[2], 0.0);
     for pair in off.windows(2) {
         let order = (pair[0] / pair[1]).log10();
         assert!((0.95..1.05).contains(&order), "order {order}: {off:?}");
@@ -175,7 +175,7 @@ fn preconditioners() {
     let wanted = with(Direct);
     for kind in [None, Jacobi, Block, Column, Multigrid] {
         let off = apart(&with(kind), &wanted);
-        measured(&format!("on_rest_springs block, {kind:?} beside direct"), off, 0.0);
+        measured(&format!("block on rest-shape springs, {kind:?} beside direct"), off, 0.0);
         // the residual of 1e-12 times the block's condition, some 1e4 on springs softer than its cells
         assert!(off < 1e-8, "{kind:?}: {off:e}");
     }
@@ -205,7 +205,7 @@ fn iterations() {
     // soft ones leave the block to swing as a whole: more of the spectrum; measured is 13 for 8
     for (k, more) in [(0.1, 8), (10.0, 2), (1e3, 2), (1e5, 2), (1e8, 2)] {
         let count = iterations_of(on_rest_springs(LINEAR, Region::Bottom, k));
-        measured(&format!("iterations with rest_springs of {k} N/m"), f64::from(count), f64::from(held));
+        measured(&format!("iterations with rest-shape springs of {k} N/m"), f64::from(count), f64::from(held));
         assert!(count <= held + more, "{k} N/m: {count} iterations, {held} with a fixed boundary");
     }
 }
@@ -244,7 +244,7 @@ fn residual_without_rest_springs() {
     assert!(found < 1e-9, "{found:e}");
     let without = Model { rest_springs: RestSprings::default(), ..model };
     let found = true_residual(&without, &solved);
-    assert!(found > 0.1, "without its rest_springs: {found:e}");
+    assert!(found > 0.1, "without its springs: {found:e}");
 }
 
 /// Largest rise of energy in a step, relative to the start's; `counted` says whether the springs' is counted.
@@ -276,7 +276,7 @@ fn energy() {
     for law in [LINEAR, COROTATIONAL, SPRINGS] {
         for damping in [0.0, 0.002] {
             let rise = energy_rise(law, damping, true);
-            measured(&format!("energy rise of an on_rest_springs block {law:?} r_K {damping}"), rise, 0.0);
+            measured(&format!("energy rise of a block on rest-shape springs {law:?} r_K {damping}"), rise, 0.0);
             assert!(rise < 1e-12, "{law:?}, r_K {damping}: {rise:e}");
         }
     }

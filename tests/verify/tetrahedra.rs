@@ -229,15 +229,15 @@ fn balanced() {
     }
 }
 
-/// Places of the skin block off its planes of symmetry, at the heights of two layers, m.
-fn places_of_the_block() -> Vec<[f64; 3]> {
+/// Points of the skin block off its planes of symmetry, at the heights of two layers, m.
+fn points_of_the_block() -> Vec<[f64; 3]> {
     let across = [0.31e-3, 1.13e-3, 2.87e-3, 4.21e-3];
     let at = |z: f64| across.iter().flat_map(move |x| across.map(|y| [*x, 0.9 * y, z]));
     at(0.7e-3).chain(at(1.8e-3)).collect()
 }
 
-/// Strain and stress at the places, of the linear skin block at ν 0.49.
-fn at_places(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
+/// Strain and stress at the points, of the linear skin block at ν 0.49.
+fn at_points(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
     let mut scene = on_grid(scene("verify/skin_block_049.toml"), grid, element);
     if element == Tetra {
         (scene.solver.preconditioner, scene.solver.max_iterations) = (Preconditioner::Block, 20_000);
@@ -248,16 +248,16 @@ fn at_places(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
     let of = |point| {
         mechanics.strain_and_stress_at(&model, &wound, &mechanics.element_points(&model, &wound, point), &moved)
     };
-    places_of_the_block().into_iter().map(of).collect()
+    points_of_the_block().into_iter().map(of).collect()
 }
 
 /// Strains, those that belong to the stresses by Hooke's law, and stresses, against hexahedra of mean dilatation on the fine grid: root mean
 /// square of the differences, relative. (Strains of the tetrahedra's own gradients, which these are not: 38 and 18 %.)
 fn converging() {
-    let wanted = at_places(Grid::Fine, Element::Bbar);
+    let wanted = at_points(Grid::Fine, Element::Bbar);
     let layers = scene("verify/skin_block_049.toml").skins[0].layers.clone();
     let errors = |grid| {
-        let found = at_places(grid, Tetra);
+        let found = at_points(grid, Tetra);
         let (mut sums, mut sizes) = ([0.0; 3], [0.0; 3]);
         for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
             let layer = &layers[usize::from(k >= wanted_in_the_lower_layer())];
@@ -283,9 +283,9 @@ fn converging() {
     }
 }
 
-/// Number of the places in the lower layer.
+/// Number of the points in the lower layer.
 fn wanted_in_the_lower_layer() -> usize {
-    places_of_the_block().len() / 2
+    points_of_the_block().len() / 2
 }
 
 const MATERIALS: [Material; 2] = [Material::NeoHookean, Material::MooneyRivlin];

@@ -47,7 +47,7 @@ pub struct CpuBackend<R> {
     masses: Vec<V4<R>>, // DOF mask and mass without rest-shape springs; empty if there are none
     rest_springs: RestSprings,
     rest_stiffness: Vec<R>,
-    rest_rate: f64,
+    mass_per_stiffness: f64,
     load: Vec<V4<R>>,
     load_squared: R,
     // [slot][node]
@@ -90,7 +90,7 @@ impl<R: Real> CpuBackend<R> {
         let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
         let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
         let system = model.system::<R>();
-        let (rest_springs, rest_rate) = (model.rest_springs.clone(), rate(&model.step));
+        let (rest_springs, mass_per_stiffness) = (model.rest_springs.clone(), rate(&model.step));
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
             params: Params { node_count: node_count as u32, ..params },
@@ -115,7 +115,7 @@ impl<R: Real> CpuBackend<R> {
             free: in_use(&model.in_system()),
             masses: if rest_springs.nodes.is_empty() { vec![] } else { in_use(&model.free) },
             rest_stiffness: rest_springs.stiffness.iter().map(|k| R::of(*k)).collect(),
-            rest_rate,
+            mass_per_stiffness,
             rest_springs,
             load: zeros(1),
             load_squared: R::zero(),
@@ -325,7 +325,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             duplicate::duplicate(self.node_count, &removal.copies, values);
         }
         for (node, value) in &removal.free {
-            let in_system = self.rest_springs.in_system(self.rest_rate, *node, *value);
+            let in_system = self.rest_springs.in_system(self.mass_per_stiffness, *node, *value);
             let node = *node as usize;
             self.free[node] = round(&in_system);
             if let Some(mass) = self.masses.get_mut(node) {

@@ -209,8 +209,8 @@ impl<R: Real> Descent for LineSearch<'_, R> {
         self.body.load_squared.f64().sqrt()
     }
 
-    fn rounding(&self) -> f64 {
-        R::EPSILON.f64()
+    fn rounding(&self) -> [f64; 2] {
+        [R::EPSILON.f64(), R::MIN_POSITIVE.f64().sqrt()]
     }
 
     fn driven(&self) -> bool {

@@ -329,8 +329,8 @@ impl Descent for GpuBackend {
         self.newton.as_ref().map_or(0.0, |newton| newton.load)
     }
 
-    fn rounding(&self) -> f64 {
-        f64::from(f32::EPSILON)
+    fn rounding(&self) -> [f64; 2] {
+        [f32::EPSILON, f32::MIN_POSITIVE.sqrt()].map(f64::from)
     }
 
     fn driven(&self) -> bool {

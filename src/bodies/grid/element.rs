@@ -58,9 +58,9 @@ pub fn gradients(h: [f64; 3], at: [f64; 3]) -> [[f64; 3]; 8] {
     })
 }
 
-/// Displacement gradient at a place of a hexahedron with edges `h`, natural coordinates in 0…1, for the displacements of its corners, m.
-pub fn displacement_gradient(h: [f64; 3], u: &[V3<f64>; 8], place: [f64; 3]) -> M3<f64> {
-    let all = gradients(h, place.map(|t| 2.0 * t - 1.0));
+/// Displacement gradient at a point of a hexahedron with edges `h`, natural coordinates in 0…1, for the displacements of its corners, m.
+pub fn displacement_gradient(h: [f64; 3], u: &[V3<f64>; 8], point: [f64; 3]) -> M3<f64> {
+    let all = gradients(h, point.map(|t| 2.0 * t - 1.0));
     (1..8).fold(M3::zero(), |sum, a| sum + (u[a] - u[0]).outer(V3::of(all[a])))
 }
 

@@ -237,7 +237,7 @@ impl Hexahedra {
         let potential_and_residual = made.vec4("potential_and_residual", groups)?;
         let sums = made.zeros::<f32>("partial_product", self.params.product_groups as usize)?;
         let running = made.vec4("scalars", 2)?;
-        // parameter blocks: step length and place of the elastic forces, factor of damping
+        // parameter blocks: step length and position of the elastic forces, factor of damping
         let gain = made.params(&self.params);
         let (_, damped) = with_factor(made, &self.params, law.damping);
         let along =

@@ -4,10 +4,11 @@
 //! each z-column of nodes exactly (layers are thin, so the coupling along z is stiff), accelerated by Chebyshev polynomials on `[λ/20, λ]`,
 //! with the bound `λ` of `bodies::grid::levels`. The coarsest level gets one longer polynomial.
 //!
-//! Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–6 and 10–11 at ν 0.45, 9–12 and 22–25 at ν 0.49 (`benches/results`). Tried and
-//! rejected: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev
-//! polynomials of the fourth kind (no better); more sweeps on the coarsest level (no effect); four-colour Gauss–Seidel over columns (in the
-//! prototype a little less work than degree 2, with four times the dispatches).
+//! Iterations to 10⁻³ and 10⁻⁶ of the load on grids of 16² and 32² cells by 5 and 23 levels: 5–6 and 10–11 at ν 0.45, 9–12 and 22–25 at
+//! ν 0.49 (`tests/verify/multigrid.rs`). Tried and rejected, with the same degree on all levels: 1 (14 and 31 iterations at 16×16×5, ν 0.45),
+//! 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev polynomials of the fourth kind (no better); more sweeps on the
+//! coarsest level (no effect); four-colour Gauss–Seidel over columns (in the prototype a little less work than degree 2, with four times
+//! the dispatches).
 //! On the CPU path the cycle is in f32 also where the conjugate gradients are in f64, which keep the solution's precision: the same
 //! iterations up to ν 0.4999 (94 of 94 at 10⁻⁴), an eighth less time for a step of the incision.
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
@@ -32,7 +33,9 @@ use rayon::prelude::*;
 /// Smoothing steps before and after the correction on the finest level. 2 needs a third more iterations, 4 a fifth fewer; both take the same
 /// time in total.
 const DEGREE: usize = 3;
-/// The same on the levels below it. 3 needs 0.97 of the iterations and takes 1.04 to 1.1 times as long; 1 needs 1.04 to 1.25 times as many.
+/// The same on the levels below it. Iterations and time of a step in incision.toml, nodule.toml and a grid of 22 × 22 × 23 cells (CPU, f64, two
+/// threads): with 3, 0.96 to 1.01 and 1.05 to 1.08; with 1, 1.0 to 1.2 and 0.94 to 1.1; with 2 and 1 below the second level, 1.01 to 1.24 and 0.99 to
+/// 1.09.
 const COARSE_DEGREE: usize = 2;
 /// The smoother targets eigenvalues from `λ/SPREAD` up; coarse levels treat the rest. At 8 the iteration count grows by a seventh.
 const SPREAD: f64 = 20.0;

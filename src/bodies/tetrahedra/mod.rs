@@ -342,7 +342,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn strain_and_stress(&self, _: &Model, _: usize, _: &[V3<f64>; 8], _: [f64; 3]) -> [M3<f64>; 2] {
-        unreachable!("tetrahedra have those of their own places")
+        unreachable!("tetrahedra have points of their own")
     }
 
     fn element_points(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<ElementPoint> {

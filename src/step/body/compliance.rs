@@ -45,7 +45,7 @@ const AROUND: usize = 100;
 
 /// Most iterations of a batch, relative to the easiest one. A node of a crumb that hangs on by an edge takes hundreds (1.6 s of a step),
 /// and its compliance need not be that accurate: passes use the true violations. Nodes of loose pieces have no such bound: their columns are
-/// worth nothing before the piece moves as a whole, and a piece that is tied to its position was thrown by metres.
+/// worth nothing before the piece moves as a whole, and a piece that `[[attach]]` holds was thrown by metres.
 const BEYOND: u32 = 3;
 
 /// Least compliance of a node among others that are held, as a share of its own. With 0.01, sheets of ν 0.45 that are tied at 25 nodes use up their
@@ -71,9 +71,9 @@ pub fn most_nodes(max_contacts: u32) -> usize {
 
 /// Rest positions of a body's nodes, and what of it floats.
 #[derive(Clone, Copy)]
-pub struct RestNodes<'a> {
+pub struct RestShape<'a> {
     /// `[node]` m, duplicates last
-    pub rest: &'a [[f64; 3]],
+    pub positions: &'a [[f64; 3]],
     /// Number of nodes that are no duplicates.
     pub originals: usize,
     /// The whole body floats.
@@ -82,10 +82,10 @@ pub struct RestNodes<'a> {
     pub loose: &'a [Loose],
 }
 
-impl<'a> RestNodes<'a> {
+impl<'a> RestShape<'a> {
     /// Of a body.
     pub fn of(model: &Model, wound: &'a Wound, floats: bool) -> Self {
-        Self { rest: &wound.rest, originals: model.rest.len(), floats, loose: &wound.loose }
+        Self { positions: &wound.rest, originals: model.rest.len(), floats, loose: &wound.loose }
     }
 
     /// Whether a node belongs to a loose piece.
@@ -119,7 +119,7 @@ impl Compliance {
     pub fn prepare(
         &mut self,
         backend: &mut dyn Backend,
-        (nodes, rest_nodes): (&[u32], RestNodes),
+        (nodes, rest_shape): (&[u32], RestShape),
         solving: Solving,
         most: usize,
         report: &mut StepReport,
@@ -152,9 +152,9 @@ impl Compliance {
             false => usize::from(self.lenders().next().is_none()),
         };
         for batch in missing.chunks(solving.at_once).take(batches) {
-            self.solve(backend, rest_nodes, batch, solving.tolerance, report)?;
+            self.solve(backend, rest_shape, batch, solving.tolerance, report)?;
         }
-        self.borrow(rest_nodes);
+        self.borrow(rest_shape);
         Ok(())
     }
 
@@ -162,13 +162,13 @@ impl Compliance {
     fn solve(
         &mut self,
         backend: &mut dyn Backend,
-        rest_nodes: RestNodes,
+        rest_shape: RestShape,
         batch: &[u32],
         tolerance: f64,
         report: &mut StepReport,
     ) -> Result<()> {
         let clock = Instant::now();
-        let around = batch.iter().flat_map(|node| nearest(rest_nodes, *node));
+        let around = batch.iter().flat_map(|node| nearest(rest_shape, *node));
         let mut all: Vec<u32> = self.known.keys().copied().chain(around).collect();
         all.sort_unstable();
         all.dedup();
@@ -178,9 +178,9 @@ impl Compliance {
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
         let node = |slot: usize| batch[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-        let limit = |slot: usize| if rest_nodes.is_loose(node(slot)) { u32::MAX } else { budget };
+        let limit = |slot: usize| if rest_shape.is_loose(node(slot)) { u32::MAX } else { budget };
         let target = |slot: usize| {
-            let moves = rest_nodes.floats || rest_nodes.is_loose(node(slot));
+            let moves = rest_shape.floats || rest_shape.is_loose(node(slot));
             Target::Loose(if moves { FLOATING_FACTOR * tolerance } else { tolerance }, limit(slot))
         };
         let wanted: Vec<SolveRequest> =
@@ -233,8 +233,8 @@ impl Compliance {
 
     /// Gives nodes in use without columns those of the nearest node that has some: the compliance towards another in use is the lender's
     /// towards the one at the nearest relative position.
-    fn borrow(&mut self, rest_nodes: RestNodes) {
-        let position = |node: u32| DVec3::from_array(rest_nodes.rest[node as usize]);
+    fn borrow(&mut self, rest_shape: RestShape) {
+        let position = |node: u32| DVec3::from_array(rest_shape.positions[node as usize]);
         let lenders: Vec<u32> = self.lenders().collect();
         let in_use = self.known.iter().filter(|(_, k)| k.used == self.step);
         let in_use: Vec<(u32, bool)> = in_use.map(|(node, k)| (*node, k.solved > 0)).collect();
@@ -283,7 +283,7 @@ impl Compliance {
     pub fn renew(
         &mut self,
         backend: &mut dyn Backend,
-        rest_nodes: RestNodes,
+        rest_shape: RestShape,
         forces: &[(u32, [f64; 3])],
         solving: Solving,
         report: &mut StepReport,
@@ -299,7 +299,7 @@ impl Compliance {
         if old.is_empty() {
             return Ok(false);
         }
-        self.solve(backend, rest_nodes, &old, solving.tolerance, report)?;
+        self.solve(backend, rest_shape, &old, solving.tolerance, report)?;
         Ok(true)
     }
 
@@ -359,10 +359,10 @@ impl Compliance {
 }
 
 /// Nodes nearest to one at rest.
-fn nearest(rest_nodes: RestNodes, node: u32) -> Vec<u32> {
-    let position = |node: u32| DVec3::from_array(rest_nodes.rest[node as usize]);
+fn nearest(rest_shape: RestShape, node: u32) -> Vec<u32> {
+    let position = |node: u32| DVec3::from_array(rest_shape.positions[node as usize]);
     let far = |other: &u32| position(*other).distance_squared(position(node));
-    let mut all: Vec<u32> = (0..rest_nodes.originals as u32).collect();
+    let mut all: Vec<u32> = (0..rest_shape.originals as u32).collect();
     if all.len() > AROUND {
         all.select_nth_unstable_by(AROUND, |a, b| far(a).total_cmp(&far(b)).then(a.cmp(b)));
         all.truncate(AROUND);
@@ -391,7 +391,7 @@ impl AtRest {
     pub fn prepare(
         &mut self,
         model: &Model,
-        (nodes, rest_nodes): (&[u32], RestNodes),
+        (nodes, rest_shape): (&[u32], RestShape),
         most: usize,
         report: &mut StepReport,
     ) -> Result<()> {
@@ -408,7 +408,7 @@ impl AtRest {
             }
         };
         let solving = Solving { tolerance: EXACT, at_once: MOST_AT_ONCE, all: true };
-        self.known.prepare(backend.as_mut(), (nodes, rest_nodes), solving, most, report)
+        self.known.prepare(backend.as_mut(), (nodes, rest_shape), solving, most, report)
     }
 
     /// As [`Compliance::block`].
@@ -420,11 +420,11 @@ impl AtRest {
 impl Body {
     /// Whether nothing holds a node: its body or its piece of it keeps its velocity.
     pub(in crate::step) fn falls(&self, node: u32) -> bool {
-        let rest_nodes = RestNodes::of(&self.model, &self.wound, self.floats);
-        rest_nodes.floats || rest_nodes.is_loose(node)
+        let rest_shape = RestShape::of(&self.model, &self.wound, self.floats);
+        rest_shape.floats || rest_shape.is_loose(node)
     }
 
-    /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses in its position.
+    /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses instead.
     pub(in crate::step) fn prepare_compliance(
         &mut self,
         law: &scene::Contact,
@@ -435,13 +435,13 @@ impl Body {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
-                let rest_nodes = RestNodes::of(&self.model, &self.wound, self.floats);
-                self.compliance.prepare(backend, (nodes, rest_nodes), solving, self.near, report)?;
+                let rest_shape = RestShape::of(&self.model, &self.wound, self.floats);
+                self.compliance.prepare(backend, (nodes, rest_shape), solving, self.near, report)?;
             }
             Correction::Precomputed => {
                 self.at_rest.prepare(
                     &self.model,
-                    (nodes, RestNodes::of(&self.model, &self.wound, false)),
+                    (nodes, RestShape::of(&self.model, &self.wound, false)),
                     self.near,
                     report,
                 )?;

@@ -17,7 +17,7 @@ use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::math::inner_product;
 use crate::scene::Correction;
-use crate::step::body::RestNodes;
+use crate::step::body::RestShape;
 use crate::step::rows::energy;
 use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
@@ -295,8 +295,8 @@ impl Simulation {
         let clock = Instant::now();
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
-            let rest_nodes = RestNodes::of(&body.model, &body.wound, body.floats);
-            renewed |= body.compliance.renew(body.backend.as_mut(), rest_nodes, &forces, solving, report)?;
+            let rest_shape = RestShape::of(&body.model, &body.wound, body.floats);
+            renewed |= body.compliance.renew(body.backend.as_mut(), rest_shape, &forces, solving, report)?;
         }
         if renewed {
             self.deadline.batch_took(clock.elapsed());
