@@ -301,6 +301,16 @@ fn help_names_the_commands_of_their_page() -> Outcome {
     listed.sort_unstable();
     explained.sort_unstable();
     ensure!(listed == explained && listed.len() > 10, "{listed:?} {explained:?}");
+    // the options of each row, but those of cargo
+    let is_option =
+        |word: &&str| word.starts_with("--") && word.len() > 3 && !["--release", "--features"].contains(word);
+    for line in page.lines() {
+        let Some(name) = command(line) else { continue };
+        let said = Work::with(ALONE)?.cutis(&[name, "--help"])?;
+        let words = line.split(|c: char| !c.is_ascii_lowercase() && c != '-').filter(is_option);
+        let missing: Vec<&str> = words.filter(|word| !said.out.contains(word)).collect();
+        ensure!(missing.is_empty(), "{missing:?} are no options of `{name}`");
+    }
     Ok(())
 }
 
