@@ -184,6 +184,7 @@ impl Real for Bounded {
     const NAME: &'static str = "f64 with a bound for f32";
     // the twins' own tolerances are those of f32
     const EPSILON: Self = Self { value: ULP, terms: ULP, error: 0.0 };
+    const MIN_POSITIVE: Self = Self { value: f32::MIN_POSITIVE as f64, terms: f32::MIN_POSITIVE as f64, error: 0.0 };
     fn of(value: f64) -> Self {
         Self { value, terms: value.abs(), error: (value - f64::from(value as f32)).abs() }
     }
