@@ -57,7 +57,7 @@ fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
         }
     };
     let (mut pieces, levels) = by_columns(block.as_chunks_mut::<4>().0, columns);
-    pieces.par_chunks_exact_mut(levels).with_min_len((parts_at_once(params) / 2).max(1)).for_each(one_part);
+    pieces.par_chunks_exact_mut(levels).with_min_len(parts_at_once(params)).for_each(one_part);
 }
 
 #[cfg(test)]

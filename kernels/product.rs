@@ -66,9 +66,9 @@ pub const LANES: usize = MOST;
 /// Node rows of a strip: many enough that the shared row of cells costs little, few enough for many cores.
 const STRIP: usize = 16;
 /// Minimum number of node rows of a strip, for small grids with fewer than four strips.
-const NARROW: usize = 7;
+const NARROW: usize = 6;
 /// Minimum number of cells for a product on several threads.
-const ALONE: usize = 4096;
+const ALONE: usize = 2048;
 /// Planes of a strip's scratch: z and force at two levels, by component.
 const PLANES: usize = 12;
 /// Planes of the rotations of a level, by component.
@@ -207,12 +207,16 @@ fn by_strips<R: Real>(
 ) -> R {
     let params = input.params;
     let nodes_x = params.nodes_x as usize;
+    // one thread takes all rows in one sweep, without the cells between strips twice, and adds up by strips all the same
+    let strips = strips(params);
+    let at_once = if rayon::current_num_threads() == 1 { strips.len() } else { 1 };
     let mut work: Vec<Strip<R>> = vec![];
     let mut rest = scratch;
-    for rows in strips(params) {
+    for parts in strips.chunks(at_once) {
+        let rows = parts[0].start..parts[parts.len() - 1].end;
         let (own, others) = rest.split_at_mut(strip_pieces(params, &rows));
         rest = others;
-        work.push(Strip { input, rows, w: vec![], scratch: bytemuck::cast_slice_mut(own) });
+        work.push(Strip { input, rows, parts, w: vec![], scratch: bytemuck::cast_slice_mut(own) });
     }
     for mut level in w[..params.grid_nodes()].chunks_exact_mut(nodes_x * params.nodes_y as usize) {
         for strip in &mut work {
@@ -251,7 +255,8 @@ enum Of<'a, R> {
 struct Strip<'a, R> {
     input: Input<'a, R>,
     rows: Range<usize>,
-    w: Vec<&'a mut [V4<R>]>, // [level] the strip's nodes
+    parts: &'a [Range<usize>], // rows that are added up together
+    w: Vec<&'a mut [V4<R>]>,   // [level] the strip's nodes
     scratch: &'a mut [R],
 }
 
@@ -260,7 +265,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
 
     #[inline(always)]
     fn run<L: Lanes<R>>(self, lanes: L) -> R {
-        let Strip { input, rows, mut w, scratch } = self;
+        let Strip { input, rows, parts, mut w, scratch } = self;
         let Input { params, modes, layer_of, frames, of, z } = input;
         let nodes_x = params.nodes_x as usize;
         let level_nodes = nodes_x * params.nodes_y as usize;
@@ -280,7 +285,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let hyperelastic = params.corotational >= HYPERELASTIC && matches!(of, Of::System { .. });
 
         spread(&z[first..first + nodes], &mut z_below, 0);
-        let mut along = [[R::zero(); MOST]; 3];
+        let mut along = vec![[[R::zero(); MOST]; 3]; parts.len()];
         // sweep upwards
         for k in 0..params.nodes_z as usize {
             if k < params.cells_z as usize {
@@ -346,8 +351,12 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             // the lower level is complete
             match of {
                 Of::System { free } => {
-                    let free = &free[k * level_nodes + first..][own.clone()];
-                    finish(params, free, &z_below, &mut f_below, own.start, w[k], &mut along);
+                    for (part, along) in parts.iter().zip(&mut along) {
+                        let nodes = part.start * nodes_x - first..part.end * nodes_x - first;
+                        let free = &free[k * level_nodes + first..][nodes.clone()];
+                        let w = &mut w[k][nodes.start - own.start..nodes.end - own.start];
+                        finish(params, free, &z_below, &mut f_below, nodes.start, w, along);
+                    }
                 }
                 Of::Elastic { .. } => {
                     for (i, w) in w[k].iter_mut().enumerate() {
@@ -360,7 +369,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             std::mem::swap(&mut f_below, &mut f_above);
             f_above.iter_mut().for_each(|plane| plane.fill(R::zero()));
         }
-        along.as_flattened().iter().copied().sum()
+        along.iter().map(|part| part.as_flattened().iter().copied().sum::<R>()).sum()
     }
 }
 
@@ -603,7 +612,7 @@ mod tests {
             let ends: Vec<usize> = strips.iter().flat_map(|rows| [rows.start, rows.end]).collect();
             assert!(ends[0] == 0 && ends[ends.len() - 1] == nodes_y as usize, "{strips:?}");
             assert!(ends[1..ends.len() - 1].chunks(2).all(|pair| pair[0] == pair[1]), "{strips:?}");
-            assert!(strips.len() == 1 || strips.len() % 2 == 0, "{cells_y}: {}", strips.len());
+            assert!(strips.len() == 1 || strips.len().is_multiple_of(2), "{cells_y}: {}", strips.len());
         }
     }
 }
