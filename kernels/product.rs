@@ -16,7 +16,8 @@
 //! The twin sweeps strips of node rows upwards, one strip per core at a time. A level's cells have the numbers of the nodes at their lowest
 //! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
 //! is an empty one. Each level's vectors are first re-arranged by component (its rotations have been, once a step: [`Frames`]), forces are
-//! accumulated in the same layout, and a level of nodes is complete when the cells on both sides are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
+//! accumulated in the same layout, and a level of nodes is complete when the cells on both sides are. Neighbouring strips both compute the row
+//! of cells between them (1 in 7 to 17); one thread alone sweeps all rows at once, with a sum for each strip.
 //! Strips depend on the grid alone, and a node's cells are added in ascending order, so the order of sums is the same for any number of
 //! threads and any register width.
 //!
