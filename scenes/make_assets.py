@@ -98,9 +98,9 @@ SHAPES_DEPTH = 1.3  # mm below the undeformed top
 SHAPES_LIFT = 2.0  # mm, tip above the skin between cuts
 S_START, S_LENGTH, S_MIDDLE, S_HEIGHT = -5.0, 10.0, 4.0, 1.5  # along x; y of its middle, and how far it swings
 CROSS_X, CROSS_Y = 0.37, (0.6, 7.4)  # a straight cut along y, across the S
-FLAP_Z = 1.75  # in the middle of the dermis
+FLAP_Z = 1.82  # in the dermis; tissue before the edge rises by 0.3 mm, so it is parted 0.4 to 0.6 mm above the hypodermis
 FLAP_TIP_Y = -5.03
-FLAP_X = (-16.0, -7.0)  # of the tip, before and after
+FLAP_X = (-16.0, -5.0)  # of the tip, before and after: far enough that the whole edge has cut
 FLAP_LIFT = 1.2
 
 HEADER = "# Scalpel, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
