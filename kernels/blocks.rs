@@ -209,11 +209,11 @@ pub fn blocks<R: Real>(
     let one_duplicate = |(n, out): (usize, &mut [V4<R>; 4])| {
         let i = grid_nodes + n;
         let mut sums = [M3::zero(); 2];
-        for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+        for Around { corner: a, cell, level } in params.cells_around(split, i) {
             let rows = (params.corotational >= HYPERELASTIC).then(|| Rows::of(params, rotation, cell));
             let [own, upper] = [a, a | 4].map(|b| of_layer(level)[a * 8 + b]);
             let own = of_corner(a, own, upper, rotation_matrix(rotation[cell]), rows);
-            add(&mut sums, a, own, is_chained(params, i, a, &nodes));
+            add(&mut sums, a, own, is_chained(params, i, a, &params.corner_nodes(split, cell)));
         }
         *out = complete(i, sums);
     };

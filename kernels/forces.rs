@@ -54,7 +54,7 @@ pub fn node_force<R: Real>(
 ) -> V3<R> {
     let own = V3::from4(u[i]);
     let mut sum = V3::zero();
-    for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+    for Around { corner: a, cell, level } in params.cells_around(split, i) {
         let q = rotation[cell];
         if q == [R::zero(); 4] {
             continue;
@@ -66,7 +66,7 @@ pub fn node_force<R: Real>(
         let change = rotation_minus_identity(q).transpose();
         // force in the cell's frame
         let mut local = V3::zero();
-        for (b, node) in nodes.into_iter().enumerate() {
+        for (b, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
             let x = rest_corner(h, b);
             let pulled = V3::new(e.x * x.x, e.y * x.y, e.z * x.z);
             let stretch = r.transpose() * (V3::from4(u[node]) - own) + change * x + pulled;

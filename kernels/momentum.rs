@@ -50,12 +50,12 @@ pub fn mean_velocity<R: Real>(
 ) -> V3<R> {
     let own = V3::from4(v[i]);
     let mut sum = V3::zero();
-    for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+    for Around { corner: a, cell, level } in params.cells_around(split, i) {
         if rotation[cell] == [R::zero(); 4] {
             continue;
         }
         let mut local = V3::zero();
-        for (b, node) in nodes.into_iter().enumerate() {
+        for (b, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
             local += (V3::from4(v[node]) - own) * share(a, b);
         }
         sum += local * shape[layer_of[level] as usize][3];

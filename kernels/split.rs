@@ -38,8 +38,6 @@ pub struct Around {
     pub cell: usize,
     /// Its coordinate along z.
     pub level: usize,
-    /// Ids of its corners.
-    pub nodes: [usize; 8],
 }
 
 /// Offsets of the table's sections, in words.
@@ -152,8 +150,12 @@ impl<R: Real> Params<R> {
         (0..8).filter_map(move |a| {
             let at = coordinates?;
             let cell = self.cell_below(at, a)?;
-            let nodes = self.corner_nodes(split, cell);
-            (nodes[a] == node).then(|| Around { corner: a, cell, level: at[2] - corner(a)[2], nodes })
+            // only split cells have other corners than the grid's nodes
+            let here = match self.is_split(split, cell) {
+                true => self.corner_nodes(split, cell)[a] == node,
+                false => node < self.grid_nodes(),
+            };
+            here.then(|| Around { corner: a, cell, level: at[2] - corner(a)[2] })
         })
     }
     /// Extra columns of a parent, latest first.

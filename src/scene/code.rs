@@ -515,7 +515,10 @@ impl Scene {
         let changes = self.tools.iter().any(|tool| tool.blade.is_some()) || self.skins.iter().any(Skin::breaks);
         let cut = contact.correction == Correction::Precomputed && changes;
         correction.that(!cut, "Precomputed", "Exact where a tool has a blade or springs break")?;
-        super::tools::carves(&self.file, &self.skins, &self.tools, contact.correction)
+        let unfit = super::tools::unfit_to_carve(&self.skins, &self.tools, contact.correction);
+        let (number, what) = unfit.unwrap_or_default();
+        let carve = scene.of(format!("tools[{number}].carve"));
+        carve.that(unfit.is_none(), format!("Some, but {what}"), "None otherwise")
     }
 }
 

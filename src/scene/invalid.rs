@@ -98,17 +98,19 @@ pub enum Invalid {
     },
 
     /// Precomputed compliances in a scene with a blade or springs that break, which would invalidate them.
-    #[error("{}: correction = \"precomputed\" has the compliance of the whole body, but a tool has a blade or springs break; take \"exact\"", path.display())]
+    #[error(
+        "{at}: correction = \"precomputed\" has the compliance of the whole body, but a tool has a blade or springs break; take \"exact\""
+    )]
     PrecomputedCut {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: Location,
     },
 
     /// Tool that carves where it cannot.
-    #[error("{}: the tool \"{tool}\" carves: {what}", path.display())]
+    #[error("{at}: the tool \"{tool}\" carves: {what}")]
     Carving {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: Location,
         /// Name of the tool.
         tool: String,
         /// Reason and remedy.
@@ -116,10 +118,12 @@ pub enum Invalid {
     },
 
     /// Attachments with a contact correction that cannot hold them.
-    #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as it ignores the compliance between nodes; take \"exact\"", path.display())]
+    #[error(
+        "{at}: correction = \"uncoupled\" lets tied nodes drift apart, as it ignores the compliance between nodes; take \"exact\""
+    )]
     UncoupledTies {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: Location,
     },
 
     /// A body attached to itself.

@@ -84,6 +84,8 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         skins.push(body::skin(&scene, files, table, Some(&mut taken))?);
     }
     // rigid bodies and walls
+    let carve = |tool: &raw::Table<raw::Tool>| tool.keys.carve.as_ref().map(|table| table.span.clone());
+    let carving: Vec<_> = raw.tool.iter().map(carve).collect();
     let mut tools = tools::tools(&scene, files, raw.tool, &mut taken)?;
     tools.extend(bodies::rigids(&scene, raw.rigid, &mut taken)?);
     let planes = bodies::planes(&scene, raw.plane, &mut taken)?;
@@ -101,17 +103,22 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let loads = raw.load.into_iter().map(|table| loads::load(&scene, table, &names, &skins, &grids));
     // contact, integrator and what does not go together
     let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
-    let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
+    let raw_contact = raw::keys(raw.contact);
+    let correction = raw_contact.correction.as_ref().map(At::span).unwrap_or_default();
+    let contact = tools::contact(&scene, raw_contact, &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
-        return Err(Invalid::UncoupledTies { path: file.to_path_buf() });
+        return Err(Invalid::UncoupledTies { at: scene.location(correction) });
     }
     let changes = tools.iter().any(|tool| tool.blade.is_some()) || skins.iter().any(Skin::breaks);
     if contact.correction == Correction::Precomputed && changes {
-        return Err(Invalid::PrecomputedCut { path: file.to_path_buf() });
+        return Err(Invalid::PrecomputedCut { at: scene.location(correction) });
     }
     // carving, the integrator and its laws
-    tools::carves(file, &skins, &tools, contact.correction)?;
+    if let Some((number, what)) = tools::unfit_to_carve(&skins, &tools, contact.correction) {
+        let at = scene.location(carving[number].clone().unwrap_or_default());
+        return Err(Invalid::Carving { at, tool: tools[number].name.clone(), what });
+    }
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();

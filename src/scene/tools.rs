@@ -15,7 +15,6 @@ use super::{Blade, Carve, Contact, Correction, Coupling, Loop, Pose, Skin, Tool,
 use crate::formats::obj::Obj;
 use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
-use std::path::Path;
 
 /// Allowed deviation of a blade's normal from the right angle to its edge, degrees. A blade's plane contains its edge; the tolerance admits
 /// slightly bent edges. With a larger one the flats would visibly leave the cutting plane.
@@ -170,42 +169,41 @@ fn inertia(scene: &SceneText, raw: &raw::Numbers) -> Result<[f64; 3]> {
     }
 }
 
-/// Refuses a tool that carves where whole cells cannot be removed.
-pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Correction) -> Result<()> {
-    let Some(tool) = tools.iter().find(|tool| tool.carve.is_some()) else { return Ok(()) };
-    let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
+/// Tool that carves what cannot be carved, by its number, with the reason and the remedy.
+pub(super) fn unfit_to_carve(skins: &[Skin], tools: &[Tool], correction: Correction) -> Option<(usize, &'static str)> {
+    tools.iter().enumerate().find_map(|(number, tool)| Some((number, unfit(skins, tool, tool.carve?, correction)?)))
+}
+
+/// Why a tool cannot carve, and the remedy.
+fn unfit(skins: &[Skin], tool: &Tool, carve: Carve, correction: Correction) -> Option<&'static str> {
+    let radius = tool.round.map_or(0.0, |round| round.radius) + carve.distance;
+    let edge = |skin: &Skin| match &skin.mesh {
+        Some(mesh) => mesh.cell_width(),
+        None => (0..2).map(|n| skin.size[n] / f64::from(skin.cells[n])).fold(0.0, f64::max),
+    };
+    let coarse = |skin: &Skin| skin.has_space_to_carve() && 2.0 * radius < edge(skin);
     if tool.blade.is_some() {
-        return unfit("the tool has a blade, which cuts; take another tool");
-    }
-    if correction == Correction::Precomputed {
-        return unfit("correction = \"precomputed\" has the compliance of the whole body; take \"exact\"");
-    }
-    if !skins.iter().any(Skin::can_be_carved) {
-        return unfit(
+        Some("the tool has a blade, which cuts; take another tool")
+    } else if correction == Correction::Precomputed {
+        Some("correction = \"precomputed\" has the compliance of the whole body; take \"exact\"")
+    } else if !skins.iter().any(Skin::can_be_carved) {
+        Some(
             "it carves hexahedra or tetrahedra; write cut = \"remove\" in the [skin] or [[block]] that it carves, of these",
-        );
+        )
+    } else if carve.whole_cells {
+        None
+    } else if skins.iter().any(|skin| skin.can_be_carved() && !skin.has_space_to_carve()) {
+        Some(
+            "space is carved out of hexahedra with a large-strain law and out of smoothed tetrahedra; write whole_cells = true for the others",
+        )
+    } else if carve.distance <= 0.0 || skins.iter().any(coarse) {
+        Some(
+            "what it takes at a contact, a ball of its radius and distance_mm, is smaller than a cell; write whole_cells = true, a larger \
+             distance_mm or more cells",
+        )
+    } else {
+        None
     }
-    let of_space = tools.iter().filter_map(|tool| Some((tool, tool.carve.filter(|carve| !carve.whole_cells)?)));
-    for (tool, carve) in of_space {
-        let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
-        if skins.iter().any(|skin| skin.can_be_carved() && !skin.has_space_to_carve()) {
-            return unfit(
-                "space is carved out of hexahedra with a large-strain law and out of smoothed tetrahedra; write whole_cells = true for the others",
-            );
-        }
-        let radius = tool.round.map_or(0.0, |round| round.radius) + carve.distance;
-        let edge = |skin: &Skin| match &skin.mesh {
-            Some(mesh) => mesh.cell_width(),
-            None => (0..2).map(|n| skin.size[n] / f64::from(skin.cells[n])).fold(0.0, f64::max),
-        };
-        if carve.distance <= 0.0 || skins.iter().any(|skin| skin.has_space_to_carve() && 2.0 * radius < edge(skin)) {
-            return unfit(
-                "what it takes at a contact, a ball of its radius and distance_mm, is smaller than a cell; write whole_cells = true, a larger \
-                 distance_mm or more cells",
-            );
-        }
-    }
-    Ok(())
 }
 
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {

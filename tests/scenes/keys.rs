@@ -67,14 +67,22 @@ const SECTIONS: &[(&str, &str)] = &[
 ];
 
 /// What has to stand beside a key that belongs to a choice: its table's header, the key, lines; `-key` takes a line away, `[skin] key` is
-/// of that table.
+/// of that table, `[[skin.layer]] -key` too.
 const BESIDE: &[(&str, &str, &str)] = &[
-    ("[skin]", "spring_stiffness_n_m", "law = \"springs\"\nspring_damping_n_s_m = 1.0"),
-    ("[skin]", "spring_damping_n_s_m", "law = \"springs\"\nspring_stiffness_n_m = 1.0"),
+    (
+        "[skin]",
+        "spring_stiffness_n_m",
+        "law = \"springs\"\nspring_damping_n_s_m = 1.0\n[[skin.layer]] -young_kpa\n[[skin.layer]] -poisson",
+    ),
+    (
+        "[skin]",
+        "spring_damping_n_s_m",
+        "law = \"springs\"\nspring_stiffness_n_m = 1.0\n[[skin.layer]] -young_kpa\n[[skin.layer]] -poisson",
+    ),
     (
         "[[skin.layer]]",
         "break_strain",
-        "[skin] law = \"springs\"\n[skin] spring_stiffness_n_m = 1.0\n[skin] spring_damping_n_s_m = 1.0",
+        "[skin] law = \"springs\"\n[skin] spring_stiffness_n_m = 1.0\n[skin] spring_damping_n_s_m = 1.0\n-young_kpa\n-poisson",
     ),
     ("[[skin.layer]]", "fibre_kpa", "[skin] law = \"holzapfel\""),
     ("[[skin.layer]]", "fibre_growth", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
@@ -118,11 +126,10 @@ fn with(header: &str, lines: &str) -> Result<Scene> {
     for (name, own) in SECTIONS {
         let here = open && *name == header;
         open &= !here;
-        let elsewhere = |line: &&str| line.starts_with("[skin] ");
-        let new: Vec<&str> = match *name {
-            "[skin]" if header != *name => lines.lines().filter_map(|line| line.strip_prefix("[skin] ")).collect(),
-            _ if here => lines.lines().filter(|line| !elsewhere(line)).collect(),
-            _ => vec![],
+        let elsewhere = format!("{name} ");
+        let new: Vec<&str> = match here {
+            true => lines.lines().filter(|line| !line.starts_with('[')).collect(),
+            false => lines.lines().filter_map(|line| line.strip_prefix(&elsewhere)).collect(),
         };
         let kept = own.lines().filter(|line| !new.iter().any(|other| key(other) == key(line)));
         text += &format!("{name}\n");
