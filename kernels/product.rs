@@ -29,7 +29,7 @@
 //!
 //! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
 //! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
-//! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (12 numbers for each node of 18 rows).
+//! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (18 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
 use super::linearised::HYPERELASTIC;
@@ -70,8 +70,8 @@ const STRIP: usize = 16;
 const NARROW: usize = 6;
 /// Minimum number of cells for a product on several threads.
 const ALONE: usize = 2048;
-/// Planes of a strip's scratch: z and force at two levels, by component.
-const PLANES: usize = 12;
+/// Planes of a strip's scratch: z and forces of two sets of corners at two levels, by component.
+const PLANES: usize = 18;
 /// Planes of the rotations of a level, by component.
 const ROTATION_PLANES: usize = 4;
 /// Further planes of hyperelastic cells: the stiffness of their volume and tension.
@@ -281,12 +281,15 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let len = plane_len(params, rows.len());
         let mut planes = scratch.chunks_exact_mut(len);
         let mut take = || planes.next().expect("PLANES of them");
-        let (mut z_below, mut z_above) = ([take(), take(), take()], [take(), take(), take()]);
-        let (mut f_below, mut f_above) = ([take(), take(), take()], [take(), take(), take()]);
+        let mut three = || [take(), take(), take()];
+        let (mut z_below, mut z_above) = (three(), three());
+        // forces on the corners at the lower and at the upper end of cells along x: in one plane the sums of two corners would overlap in
+        // memory, and each would wait for the one before to be written
+        let (mut f_below, mut f_above) = ([three(), three()], [three(), three()]);
         let hyperelastic = params.corotational >= HYPERELASTIC && matches!(of, Of::System { .. });
 
         spread(&z[first..first + nodes], &mut z_below, 0);
-        let mut along = vec![[[R::zero(); MOST]; 3]; parts.len()];
+        let mut along = vec![[R::zero(); MOST]; parts.len()];
         // sweep upwards
         for k in 0..params.nodes_z as usize {
             if k < params.cells_z as usize {
@@ -340,37 +343,31 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                         linearised = Some(rows);
                     }
                     let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled, linearised);
-                    // corners in descending order: a node gets its cells in ascending order, independent of the register width
+                    // corners in descending order: each plane gets its cells in ascending order, independent of the register width
                     for c in (0..4).rev() {
                         for n in 0..3 {
-                            add_to(lanes, &mut f_below[n][corner[c]..], force[c][n]);
-                            add_to(lanes, &mut f_above[n][corner[c]..], force[c + 4][n]);
+                            add_to(lanes, &mut f_below[c % 2][n][corner[c]..], force[c][n]);
+                            add_to(lanes, &mut f_above[c % 2][n][corner[c]..], force[c + 4][n]);
                         }
                     }
                 }
             }
             // the lower level is complete
-            match of {
-                Of::System { free } => {
-                    for (part, along) in parts.iter().zip(&mut along) {
-                        let nodes = part.start * nodes_x - first..part.end * nodes_x - first;
-                        let free = &free[k * level_nodes + first..][nodes.clone()];
-                        let w = &mut w[k][nodes.start - own.start..nodes.end - own.start];
-                        finish(params, free, &z_below, &mut f_below, nodes.start, w, along);
-                    }
-                }
-                Of::Elastic { .. } => {
-                    for (i, w) in w[k].iter_mut().enumerate() {
-                        let at = own.start + i;
-                        *w = [f_below[0][at], f_below[1][at], f_below[2][at], R::zero()];
-                    }
+            let w = &mut *w[k];
+            gather(&f_below, own.start, w);
+            if let Of::System { free } = of {
+                for (part, along) in parts.iter().zip(&mut along) {
+                    let nodes = part.start * nodes_x - first..part.end * nodes_x - first;
+                    let at = k * level_nodes + first;
+                    let (free, z) = (&free[at..][nodes.clone()], &z[at..][nodes.clone()]);
+                    finish(params, free, z, &mut w[nodes.start - own.start..nodes.end - own.start], along);
                 }
             }
             std::mem::swap(&mut z_below, &mut z_above);
             std::mem::swap(&mut f_below, &mut f_above);
-            f_above.iter_mut().for_each(|plane| plane.fill(R::zero()));
+            f_above.as_flattened_mut().iter_mut().for_each(|plane| plane.fill(R::zero()));
         }
-        along.iter().map(|part| part.as_flattened().iter().copied().sum::<R>()).sum()
+        along.iter().map(|part| part.iter().copied().sum::<R>()).sum()
     }
 }
 
@@ -407,31 +404,30 @@ fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     }
 }
 
-/// Adds inertia and eliminates fixed axes for a strip's nodes at one level; `force` is left with what `w` has.
+/// Forces of nodes from the planes of both ends of cells, starting at entry `at`.
 #[inline(always)]
-fn finish<R: Real>(
-    params: &Params<R>,
-    free: &[V4<R>],
-    z: &[&mut [R]; 3],
-    force: &mut [&mut [R]; 3],
-    from: usize,
-    w: &mut [V4<R>],
-    along: &mut [[R; MOST]; 3],
-) {
+fn gather<R: Real>([lower, upper]: &[[&mut [R]; 3]; 2], at: usize, w: &mut [V4<R>]) {
     let count = w.len();
-    let free = &free[..count];
-    // by component, so that lanes have a node each
-    for n in 0..3 {
-        let (z, f) = (&z[n][from..][..count], &mut force[n][from..][..count]);
-        for i in 0..count {
-            f[i] = (f[i] * params.stiffness_factor + z[i] * (params.inertia * free[i][3])) * free[i][n];
-        }
-        add_products(z, f, &mut along[n]);
-    }
-    let [f0, f1, f2] = force.each_ref().map(|plane| &plane[from..][..count]);
+    let [x, y, z] = lower.each_ref().map(|plane| &plane[at..][..count]);
+    let [to_x, to_y, to_z] = upper.each_ref().map(|plane| &plane[at..][..count]);
     for i in 0..count {
-        w[i] = [f0[i], f1[i], f2[i], R::zero()];
+        w[i] = [x[i] + to_x[i], y[i] + to_y[i], z[i] + to_z[i], R::zero()];
     }
+}
+
+/// Multiplies forces by the stiffness factor, adds inertia and eliminates fixed axes; adds `z·w` to `along`.
+#[inline(always)]
+fn finish<R: Real>(params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], along: &mut [R; MOST]) {
+    let count = w.len();
+    let (free, z) = (&free[..count], &z[..count]);
+    for i in 0..count {
+        let [x, y, z_axis, mass] = free[i];
+        let (axes, inertia) = ([x, y, z_axis, R::zero()], params.inertia * mass);
+        for n in 0..4 {
+            w[i][n] = (w[i][n] * params.stiffness_factor + z[i][n] * inertia) * axes[n];
+        }
+    }
+    add_products(z.as_flattened(), w.as_flattened(), along);
 }
 
 #[inline(always)]

@@ -454,14 +454,17 @@ pub fn dot_product<R: Real>(a: &[R], b: &[R]) -> R {
 pub fn add_products<R: Real>(a: &[R], b: &[R], sums: &mut [R; MOST]) {
     debug_assert_eq!(a.len(), b.len());
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<MOST>(), b.as_chunks::<MOST>());
+    // a copy stays in registers
+    let mut own = *sums;
     for k in 0..a.len().min(b.len()) {
         for n in 0..MOST {
-            sums[n] += a[k][n] * b[k][n];
+            own[n] += a[k][n] * b[k][n];
         }
     }
     for n in 0..a_rest.len().min(b_rest.len()) {
-        sums[n] += a_rest[n] * b_rest[n];
+        own[n] += a_rest[n] * b_rest[n];
     }
+    *sums = own;
 }
 
 /// `a·b`
