@@ -33,7 +33,7 @@ fn number(name: &str, otherwise: &str) -> u64 {
 fn line(o: &Outcome) {
     let v = &o.variation;
     println!(
-        "seed {:4}: {:2} cells, {}, ±{:.0e}: peak {:.4} N, passes {:.2} / {}, median {:.1} ms, longest {:.1} of it, overshoot {}{}{}",
+        "seed {:4}: {:2} cells, {}, ±{:.0e}: peak {:.4} N, passes {:.2} / {}, updates {}, median {:.1} ms, longest {:.1} of it, overshoot {}{}{}",
         v.seed,
         v.cells,
         if v.single { "f32" } else { "f64" },
@@ -41,6 +41,7 @@ fn line(o: &Outcome) {
         o.peak,
         o.passes[0],
         o.passes[1],
+        o.updates,
         o.median,
         o.longest,
         o.overshoot.map_or("–".into(), |cells| format!("{cells:.2}")),

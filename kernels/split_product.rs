@@ -90,17 +90,26 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                 }
             }
             // forces of the cells
-            let zero = [lanes.splat(R::zero()); 3];
-            let load = |v: &[R; LANES]| lanes.load(v);
-            let force = cell_forces(
-                lanes,
-                &modes[own],
-                q.each_ref().map(load),
-                at.each_ref().map(|v| v.each_ref().map(load)),
-                zero,
-                zero,
-                hyperelastic.then(|| y.each_ref().map(|row| row.each_ref().map(load))),
-            );
+            let zero = lanes.splat(R::zero());
+            let (mut turned, mut moved, mut linearised) = ([zero; 4], [[zero; 3]; 8], [[zero; 4]; 3]);
+            // loops, since `map` of arrays of registers is a call that copies them
+            for n in 0..4 {
+                turned[n] = lanes.load(&q[n]);
+            }
+            for c in 0..8 {
+                for n in 0..3 {
+                    moved[c][n] = lanes.load(&at[c][n]);
+                }
+            }
+            if hyperelastic {
+                for n in 0..3 {
+                    for i in 0..4 {
+                        linearised[n][i] = lanes.load(&y[n][i]);
+                    }
+                }
+            }
+            let linearised = if hyperelastic { Some(linearised) } else { None };
+            let force = cell_forces(lanes, &modes[own], turned, moved, [zero; 3], [zero; 3], linearised);
             for c in 0..8 {
                 for n in 0..3 {
                     lanes.store(force[c][n], &mut at[c][n]);

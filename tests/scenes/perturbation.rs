@@ -43,6 +43,8 @@ pub struct Outcome {
     pub overshoot: Option<f64>,
     /// Mean and most passes of the contact solve.
     pub passes: [f64; 2],
+    /// Most row updates of the contact laws in a step.
+    pub updates: f64,
 }
 
 /// Even numbers in [0, 1) from a seed.
@@ -142,6 +144,7 @@ pub fn outcome(scene: &Scene, variation: Variation, steps: Option<u32>, straight
         peak: report.contact_force_n_max,
         overshoot: way(scene).filter(|_| whole).map(|way| (report.cut.length_top_mm * 1e-3 - way) / cell),
         passes: [report.contact.passes_mean, f64::from(report.contact.passes_max)],
+        updates: report.costs.row_updates.max,
         warnings: report.warnings,
     }
 }

@@ -69,7 +69,8 @@ mod window {
     impl Screen {
         fn start(folder: &Path) -> Self {
             let mut server = Command::new("Xvfb");
-            server.args(["-displayfd", "1", "-screen", "0", "1240x800x24", "-fbdir"]).arg(folder);
+            // without `-noreset` it starts anew when its last client leaves, and turns away one that comes meanwhile
+            server.args(["-noreset", "-displayfd", "1", "-screen", "0", "1240x800x24", "-fbdir"]).arg(folder);
             let mut server = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("Xvfb");
             let out = server.stdout.take().expect("its output");
             let server = Running(server);
