@@ -16,9 +16,10 @@
 //! The twin sweeps strips of node rows upwards, one strip per core at a time. A level's cells have the numbers of the nodes at their lowest
 //! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
 //! is an empty one. Each level's vectors are first re-arranged by component (its rotations have been, once a step: [`Frames`]), forces are
-//! accumulated in the same layout, and a level of nodes is complete when the cells on both sides are. Neighbouring strips both compute the row
+//! accumulated in the same layout, those on the corners at the two ends of cells along x in planes of their own, and a level of nodes is
+//! complete when the cells on both sides are. Neighbouring strips both compute the row
 //! of cells between them (1 in 7 to 17); one thread alone sweeps all rows at once, with a sum for each strip.
-//! Strips depend on the grid alone, and a node's cells are added in ascending order, so the order of sums is the same for any number of
+//! Strips depend on the grid alone, and in each plane a node's cells are added in ascending order, so the order of sums is the same for any number of
 //! threads and any register width.
 //!
 //! Split cells (`split`) and the rows of duplicate nodes are left to `split_product`.
@@ -28,7 +29,7 @@
 //! A hyperelastic cell has the stiffness of its volume and tension apart from `K` ([`super::linearised`]): 18 and 39 operations.
 //!
 //! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
-//! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
+//! blocks, 24 to accumulate forces, 28 for its node: 420, with a fused multiply-add counted once (552 counted twice). Memory: z, w, mass
 //! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (18 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
@@ -356,9 +357,9 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             let w = &mut *w[k];
             gather(&f_below, own.start, w);
             if let Of::System { free } = of {
+                let at = k * level_nodes + first;
                 for (part, along) in parts.iter().zip(&mut along) {
                     let nodes = part.start * nodes_x - first..part.end * nodes_x - first;
-                    let at = k * level_nodes + first;
                     let (free, z) = (&free[at..][nodes.clone()], &z[at..][nodes.clone()]);
                     finish(params, free, z, &mut w[nodes.start - own.start..nodes.end - own.start], along);
                 }
@@ -404,14 +405,14 @@ fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     }
 }
 
-/// Forces of nodes from the planes of both ends of cells, starting at entry `at`.
+/// Forces of nodes from the planes of both ends of cells along x, starting at entry `at`.
 #[inline(always)]
-fn gather<R: Real>([lower, upper]: &[[&mut [R]; 3]; 2], at: usize, w: &mut [V4<R>]) {
+fn gather<R: Real>([near, far]: &[[&mut [R]; 3]; 2], at: usize, w: &mut [V4<R>]) {
     let count = w.len();
-    let [x, y, z] = lower.each_ref().map(|plane| &plane[at..][..count]);
-    let [to_x, to_y, to_z] = upper.each_ref().map(|plane| &plane[at..][..count]);
+    let [x, y, z] = near.each_ref().map(|plane| &plane[at..][..count]);
+    let [far_x, far_y, far_z] = far.each_ref().map(|plane| &plane[at..][..count]);
     for i in 0..count {
-        w[i] = [x[i] + to_x[i], y[i] + to_y[i], z[i] + to_z[i], R::zero()];
+        w[i] = [x[i] + far_x[i], y[i] + far_y[i], z[i] + far_z[i], R::zero()];
     }
 }
 

@@ -91,14 +91,14 @@ impl<R: Real> Task<R> for Cells<'_, R> {
             }
             // forces of the cells
             let zero = lanes.splat(R::zero());
-            let (mut turned, mut moved, mut linearised) = ([zero; 4], [[zero; 3]; 8], [[zero; 4]; 3]);
+            let (mut rotations, mut at_corner, mut linearised) = ([zero; 4], [[zero; 3]; 8], [[zero; 4]; 3]);
             // loops, since `map` of arrays of registers is a call that copies them
             for n in 0..4 {
-                turned[n] = lanes.load(&q[n]);
+                rotations[n] = lanes.load(&q[n]);
             }
             for c in 0..8 {
                 for n in 0..3 {
-                    moved[c][n] = lanes.load(&at[c][n]);
+                    at_corner[c][n] = lanes.load(&at[c][n]);
                 }
             }
             if hyperelastic {
@@ -109,7 +109,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                 }
             }
             let linearised = if hyperelastic { Some(linearised) } else { None };
-            let force = cell_forces(lanes, &modes[own], turned, moved, [zero; 3], [zero; 3], linearised);
+            let force = cell_forces(lanes, &modes[own], rotations, at_corner, [zero; 3], [zero; 3], linearised);
             for c in 0..8 {
                 for n in 0..3 {
                     lanes.store(force[c][n], &mut at[c][n]);

@@ -516,9 +516,9 @@ impl Scene {
         let cut = contact.correction == Correction::Precomputed && changes;
         correction.that(!cut, "Precomputed", "Exact where a tool has a blade or springs break")?;
         let unfit = super::tools::unfit_to_carve(&self.skins, &self.tools, contact.correction);
-        let (number, what) = unfit.unwrap_or_default();
-        let carve = scene.of(format!("tools[{number}].carve"));
-        carve.that(unfit.is_none(), format!("Some, but {what}"), "None otherwise")
+        let Some((number, what)) = unfit else { return Ok(()) };
+        let found = format!("of \"{}\", which cannot carve: {what}", self.tools[number].name);
+        Err(scene.of(format!("tools[{number}].carve")).refuse(found, "None, or as this says"))
     }
 }
 

@@ -82,12 +82,11 @@ fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, law: &Law) -
     for (key, value) in [("c10_kpa", &raw.c10_kpa), ("c01_kpa", &raw.c01_kpa), ("bulk_kpa", &raw.bulk_kpa)] {
         scene.needless(key, value, why)?;
     }
-    if matches!(law, Law::Springs { stiffness: Some(_), .. }) {
-        let why = "springs with spring_stiffness_n_m are not fitted to it";
-        scene.needless("young_kpa", &raw.young_kpa, why)?;
-    }
-    if matches!(law, Law::Springs { .. }) {
+    if let Law::Springs { stiffness, .. } = law {
         scene.needless("poisson", &raw.poisson, "springs have no Poisson's ratio of their own")?;
+        if stiffness.is_some() {
+            scene.needless("young_kpa", &raw.young_kpa, "springs with spring_stiffness_n_m are not fitted to it")?;
+        }
     }
     let why = match law {
         Law::Springs { .. } => "springs without spring_stiffness_n_m are fitted to it",

@@ -104,19 +104,19 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     // contact, integrator and what does not go together
     let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let raw_contact = raw::keys(raw.contact);
-    let correction = raw_contact.correction.as_ref().map(At::span).unwrap_or_default();
+    let correction_at = raw_contact.correction.as_ref().map(At::span).unwrap_or_default();
     let contact = tools::contact(&scene, raw_contact, &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
-        return Err(Invalid::UncoupledTies { at: scene.location(correction) });
+        return Err(Invalid::UncoupledTies { at: scene.location(correction_at) });
     }
     let changes = tools.iter().any(|tool| tool.blade.is_some()) || skins.iter().any(Skin::breaks);
     if contact.correction == Correction::Precomputed && changes {
-        return Err(Invalid::PrecomputedCut { at: scene.location(correction) });
+        return Err(Invalid::PrecomputedCut { at: scene.location(correction_at) });
     }
     // carving, the integrator and its laws
     if let Some((number, what)) = tools::unfit_to_carve(&skins, &tools, contact.correction) {
-        let at = scene.location(carving[number].clone().unwrap_or_default());
+        let at = scene.location(carving[number].clone().expect("only a tool with this table carves"));
         return Err(Invalid::Carving { at, tool: tools[number].name.clone(), what });
     }
     let mut time_keys = raw.time.keys;

@@ -169,7 +169,7 @@ fn inertia(scene: &SceneText, raw: &raw::Numbers) -> Result<[f64; 3]> {
     }
 }
 
-/// Tool that carves what cannot be carved, by its number, with the reason and the remedy.
+/// First tool that carves and cannot, by its number, with the reason and the remedy.
 pub(super) fn unfit_to_carve(skins: &[Skin], tools: &[Tool], correction: Correction) -> Option<(usize, &'static str)> {
     tools.iter().enumerate().find_map(|(number, tool)| Some((number, unfit(skins, tool, tool.carve?, correction)?)))
 }

@@ -13,7 +13,7 @@ const CELLS: [u32; 1] = [12];
 const STEPS: u32 = 100;
 /// Largest peak force of a grid over its least, less 1.
 const SPREAD: f64 = 0.02;
-/// Most row updates of the contact laws in a step: 4 ms on one core, and the most that one solve takes.
+/// Bar of the row updates of the contact laws in a step.
 const UPDATES: f64 = 400_000.0;
 /// Largest relative change of the inputs for which peak forces are compared.
 const COMPARED: f64 = 1e-3;

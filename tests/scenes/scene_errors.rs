@@ -699,6 +699,24 @@ fn a_round_tool_has_a_mesh_of_its_own_and_a_hand_from_the_scene() {
     assert_eq!(sphere.tools[0].round.map(|r| r.ends), Some([[1e-3, 0.0, 0.0]; 2]));
 }
 
+#[test]
+fn each_tool_that_carves_has_to_fit() {
+    let tool = |name: &str, carve: &str| {
+        format!(
+            "[[tool]]\nname = \"{name}\"\nmass_g = 10\ninertia_g_mm2 = [1, 1, 1]\npath_mm = [[0, 0, 0, 29]]\n\
+             [tool.round]\nradius_mm = 2\npoints_mm = [[0, 0, 0]]\n[tool.carve]\n{carve}"
+        )
+    };
+    let body = alone("", "", "law = \"corotational\"\ncut = \"remove\"");
+    let whole = "whole_cells = true\n";
+    let text = |carve: &str| format!("{body}{}{}", tool("a", whole), tool("b", carve));
+    assert!(parsed(&text(whole)).is_ok());
+    let text = text("");
+    let line = 1 + text[..text.rfind("[tool.carve]").expect("it carves")].matches('\n').count();
+    let error = parsed(&text).expect_err("space of a corotational body").to_string();
+    says(&error, &format!("scenes/full.toml:{line}: … the tool \"b\" carves … whole_cells = true"));
+}
+
 /// FULL with its tool turned into points and lines.
 fn wired() -> String {
     let text = FULL.replace("points_mm = [[0, 0, 1]]\n", "");

@@ -30,13 +30,13 @@ const ROW_UPDATES: u64 = 400_000;
 /// Row updates after which what cannot be felt is accepted without a margin ([`INNER_SHARE`]). One step of incision.toml spent 1,250,000, 19 of
 /// its 25 ms, on three solves that went from 12 nm towards 10.
 const UPDATES_WITH_MARGIN: u64 = 65_000;
-/// The same of the prediction before the passes.
+/// Most row updates of the prediction before the passes.
 const PREDICTION_UPDATES: u64 = 50_000;
 /// Most that predicted forces are of the last step's.
 const RISE: f64 = 10.0;
 /// Relative residual that ends a contact solve; with 1e-5, two kilograms resting on a gram jump by 3 % of their weight.
 const TOLERANCE: f64 = 1e-8;
-/// Share of the passes' tolerance that is sufficient for a contact solve.
+/// Share of the passes' tolerance that is sufficient for a contact solve, in its first [`UPDATES_WITH_MARGIN`] row updates.
 const INNER_SHARE: f64 = 0.1;
 /// Deflection of the hand's spring, 3000 N/m, under the force of a press, 0.3 N; in m. The tolerance is relative to it: at 1e-3 a pass may
 /// leave 0.1 µm or 0.3 mN, about a hundredth of the just noticeable difference of such a force (7 %, Pang, Tan, Durlach 1991).
@@ -164,20 +164,23 @@ impl Problem<'_> {
     /// Solves for the forces by the model `W`; true if what they leave cannot be felt. Counts the row updates.
     fn solve(&self, without_force: &[f64], lambda: &mut [f64], costs: &mut Costs) -> bool {
         let clock = Instant::now();
-        let felt = self.loose_tolerance(1.0);
+        let imperceptible = self.loose_tolerance(1.0);
+        // whether a solve within a number of row updates met a tolerance or cannot be felt, what it left in energy, and its updates
+        let mut within = |loose, updates, lambda: &mut [f64]| {
+            let ended =
+                solve(&self.laws, &self.w, without_force, lambda, &Effort { tolerance: TOLERANCE, loose, updates });
+            costs.row_updates += ended.updates;
+            let met = ended.converged || imperceptible.is_met(&ended.residual, lambda);
+            (met, ended.residual.energy, ended.updates)
+        };
+        // with the margin, then without it from the forces that are left
         let mut ends = |lambda: &mut [f64]| {
-            let mut found = (false, 0.0);
-            let margin = self.loose_tolerance(INNER_SHARE);
-            for (loose, updates) in [(margin, UPDATES_WITH_MARGIN), (felt, ROW_UPDATES - UPDATES_WITH_MARGIN)] {
-                let effort = Effort { tolerance: TOLERANCE, loose, updates };
-                let ended = solve(&self.laws, &self.w, without_force, lambda, &effort);
-                costs.row_updates += ended.updates;
-                found = (ended.converged || felt.is_met(&ended.residual, lambda), ended.residual.energy);
-                if found.0 {
-                    break;
-                }
+            let (met, left, spent) = within(self.loose_tolerance(INNER_SHARE), UPDATES_WITH_MARGIN, lambda);
+            if met {
+                return (met, left);
             }
-            found
+            let (met, left, _) = within(imperceptible, ROW_UPDATES.saturating_sub(spent), lambda);
+            (met, left)
         };
         let (mut solved, left) = ends(lambda);
         // an edge's law is not monotone: where these forces lead to no solution, a start from zero may
