@@ -17,10 +17,9 @@
 //! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
 //! is an empty one. Each level's vectors are first re-arranged by component (its rotations have been, once a step: [`Frames`]), forces are
 //! accumulated in the same layout, those on the corners at the two ends of cells along x in planes of their own, and a level of nodes is
-//! complete when the cells on both sides are. Neighbouring strips both compute the row
-//! of cells between them (1 in 7 to 17); one thread alone sweeps all rows at once, with a sum for each strip.
-//! Strips depend on the grid alone, and in each plane a node's cells are added in ascending order, so the order of sums is the same for any number of
-//! threads and any register width.
+//! complete when the cells on both sides are. Neighbouring strips both compute the row of cells between them (1 in 7 to 17); one thread alone
+//! sweeps all rows at once, with a sum for each strip. Strips depend on the grid alone, and in each plane a node's cells are added in
+//! ascending order, so the order of sums is the same for any number of threads and any register width.
 //!
 //! Split cells (`split`) and the rows of duplicate nodes are left to `split_product`.
 //!

@@ -6,6 +6,7 @@ mod forms;
 mod hard;
 mod keys;
 mod known;
+mod laws;
 #[path = "../shared/long.rs"]
 mod long;
 mod needs;
