@@ -50,7 +50,7 @@ pub fn pack<R: Real>(k: Block<R>) -> [V4<R>; 4] {
 
 /// Stiffness of a cell at a corner, turned: with itself, and with the corner above, which only the lower ones have.
 #[inline(always)]
-fn of_corner<N: Number>(a: usize, own: M3<N>, upper: M3<N>, rotation: M3<N>, rows: Option<Rows<N>>) -> [M3<N>; 2] {
+pub fn of_corner<N: Number>(a: usize, own: M3<N>, upper: M3<N>, rotation: M3<N>, rows: Option<Rows<N>>) -> [M3<N>; 2] {
     let back = rotation.transpose();
     let (mut own, mut upper) = (own, upper);
     if let Some(rows) = rows {
@@ -221,7 +221,7 @@ pub fn blocks<R: Real>(
 }
 
 /// Whether the vertical edge of a cell at its corner `a`, a node, is within the node's column.
-fn is_chained<R: Real>(params: &Params<R>, node: usize, a: usize, corners: &[usize; 8]) -> bool {
+pub fn is_chained<R: Real>(params: &Params<R>, node: usize, a: usize, corners: &[usize; 8]) -> bool {
     let other = corners[a ^ 4];
     if a < 4 { other == params.above(node) } else { params.above(other) == node }
 }
@@ -234,16 +234,18 @@ fn add<R: Real>([d, g]: &mut [M3<R>; 2], a: usize, own: [M3<R>; 2], chained: boo
     }
 }
 
+/// A block between two nodes with these DOF masks.
+pub fn masked<R: Real>(m: M3<R>, rows: V3<R>, columns: V3<R>) -> M3<R> {
+    M3([m.0[0].times(rows) * columns.x, m.0[1].times(rows) * columns.y, m.0[2].times(rows) * columns.z])
+}
+
 /// Multiplies by the stiffness factor, adds inertia, eliminates fixed axes and selects the entries for the preconditioner.
 pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, free: V4<R>, axes_above: V3<R>) -> [V4<R>; 4] {
     let axes = V3::from4(free);
     let inertia = M3::diagonal(V3::splat(params.inertia * free[3]));
-    let masked = |m: M3<R>, right: V3<R>| {
-        M3([m.0[0].times(axes) * right.x, m.0[1].times(axes) * right.y, m.0[2].times(axes) * right.z])
-    };
     let fixed = M3::diagonal(V3::splat(R::one()) - axes);
-    let mut d = masked(sum.d * params.stiffness_factor + inertia, axes) + fixed;
-    let mut g = masked(sum.g * params.stiffness_factor, axes_above);
+    let mut d = masked(sum.d * params.stiffness_factor + inertia, axes, axes) + fixed;
+    let mut g = masked(sum.g * params.stiffness_factor, axes, axes_above);
     if params.preconditioner == 0 {
         d = M3::identity();
     } else if params.preconditioner == 1 {

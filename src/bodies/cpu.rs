@@ -31,6 +31,8 @@ pub struct LevelWork<R> {
     pub d: Vec<V4<R>>,
     /// `[node]` N
     pub w: Vec<V4<R>>,
+    /// `[node of a fork]` values before a smoothing step
+    pub before: Vec<[V4<R>; 3]>,
 }
 
 /// Applies `z = M⁻¹ r` for the conjugate gradients and returns `r·z`; may be called from any number of threads at once.

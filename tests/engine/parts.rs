@@ -2,6 +2,7 @@
 
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
+use cutis::bodies::grid::forks::{self, Forks};
 use cutis::bodies::grid::levels::{OF_VOLUME, largest};
 use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
@@ -285,6 +286,49 @@ fn blocks_are_those_of_the_matrix(model: &Model, wound: &Wound, seed: u64) -> Re
     Ok(())
 }
 
+/// What solves a forked column solves the matrix's rows at its (x, y) without their couplings to other places; columns that are not forked have
+/// all their couplings in `U`.
+fn forks_solve_their_columns(model: &Model, wound: &Wound, seed: u64) -> Result<(), TestCaseError> {
+    let (params, parts) = (model.params::<f64>(), &wound.surface.parts);
+    let (rotation, load) = (turned(model, seed), field(wound, seed + 3));
+    let dense = Dense::new(model, wound, &rotation);
+    let mut forks = Forks::new(&params, parts.table());
+    let (stiffness, layer_of) = (&model.system_blocks::<f64>()[..], &model.grid.layer_of[..]);
+    forks.factor(forks::Finest { params: &params, stiffness, layer_of, rotation: &rotation, free: &wound.free });
+    let zero = vec![[0.0; 4]; dense.count];
+    let mut found = vec![];
+    forks.solve(true, [&load, &zero, &zero, &zero], &mut found);
+    let mut rest = &found[..];
+    let mut forked = BTreeSet::new();
+    for nodes in forks.nodes() {
+        let (own, others) = rest.split_at(nodes.len());
+        rest = others;
+        for node in nodes.iter().map(|node| *node as usize) {
+            let mut sum = V3::zero();
+            for (other, [x, ..]) in nodes.iter().zip(own) {
+                let k = dense.block[node * dense.count + *other as usize];
+                sum = sum + k * V3::from4(*x);
+            }
+            let own = V3::from4(own[nodes.iter().position(|n| *n as usize == node).expect("one of them")][0]);
+            sum = sum + own.times(V3::splat(1.0) - V3::from4(wound.free[node]));
+            let off = (sum - V3::from4(load[node])).length();
+            // relative to the loads, of size 1
+            prop_assert!(off < 1e3 * ROUNDING, "node {} is off by {:e}", node, off);
+            forked.insert(node);
+        }
+    }
+    let others = (0..dense.count).filter(|n| wound.free[*n][3] > 0.0 && !forked.contains(n));
+    for node in others {
+        for cell in parts.cells_of(node) {
+            let corners = parts.corners(cell);
+            let a = corners.iter().position(|n| *n == node).expect("a corner of its cell");
+            let [below, above] = if a < 4 { [node, corners[a + 4]] } else { [corners[a - 4], node] };
+            prop_assert_eq!(params.above(below), above, "a column that is not forked holds all its edges");
+        }
+    }
+    Ok(())
+}
+
 /// Sets of links: some here and there, and whole planes.
 fn cuts() -> impl Strategy<Value = (Vec<u32>, Vec<(usize, usize)>)> {
     (prop::collection::vec(0..LINKS, 0..60), prop::collection::vec((0..3usize, 0..2usize), 0..3))
@@ -309,6 +353,7 @@ proptest! {
         mass_is_kept(&model, &wound)?;
         product_is_that_of_cells(&model, &wound, seed)?;
         blocks_are_those_of_the_matrix(&model, &wound, seed)?;
+        forks_solve_their_columns(&model, &wound, seed)?;
     }
 
     #[test]
@@ -343,6 +388,7 @@ proptest! {
         mass_is_kept(&model, &wound)?;
         product_is_that_of_cells(&model, &wound, 3)?;
         blocks_are_those_of_the_matrix(&model, &wound, 4)?;
+        forks_solve_their_columns(&model, &wound, 4)?;
     }
 }
 

@@ -3,13 +3,15 @@
 use super::setup::{Body, apart, displaced, measured, model, scene};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
-use cutis::bodies::Model;
 use cutis::bodies::grid::levels::largest;
 use cutis::bodies::grid::multigrid::{Finest, Hierarchy, apply, workspaces};
+use cutis::bodies::{Model, Wound};
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
+use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
 use cutis::kernels::product::{Frames, LANES, cell_groups, product};
+use cutis::kernels::split_product::split_product;
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
 use cutis::scene::{Load, Preconditioner, Scene};
@@ -20,6 +22,7 @@ pub const CASES: &[Case] = &[
     ("multigrid_takes_as_few_iterations_on_every_grid", table),
     ("odd_grids_take_no_more", odd_grids),
     ("rotations_and_a_slot_cost_little", rotations_and_slot),
+    ("a_ragged_wound_costs_nothing", ragged_wound),
     ("a_wrong_bound_of_the_smoother_is_found_out", wrong_bound),
     ("the_bound_of_the_smoother_is_one", bound),
     ("shipped_tolerance_costs_less_than_a_hundredth", shipped_tolerance),
@@ -116,6 +119,68 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z),
     );
     (x, outcome)
+}
+
+/// Iterations to 1e-6 on a cut body under a load at random; `forked` has the smoother know the forks.
+fn iterations_on_cut(model: &Model, links: &[u32], forked: bool) -> u32 {
+    let params = model.params::<f64>();
+    let (layers, modes, rotation) = (&model.grid.layer_of, model.modes(), at_rest(model));
+    let mut wound = Wound::new(model);
+    let hits: Vec<Hit<f64>> = links.iter().map(|link| Hit { segment: *link, at: 0.5 }).collect();
+    wound.apply(model, &hits);
+    assert_eq!((wound.totals.links, wound.totals.refused), (links.len(), 0));
+    let (free, split) = (&wound.free[..], (wound.surface.parts.table(), wound.surface.parts.split_cells()));
+    let frames = Frames::new(&params, &rotation, split.0);
+    let finest = Finest { params: &params, free, layer_of: layers, rotation: &rotation, frames: &frames, split };
+    let mut hierarchy = Hierarchy::<f32>::new(model).expect("multigrid");
+    hierarchy.cut = forked;
+    hierarchy.refresh(finest);
+    let levels = hierarchy.operators(finest);
+    let mut work = workspaces::<f64, f32>(&levels);
+    let mut r = super::setup::Random::new(3).field(free.len(), 1.0);
+    r.iter_mut().zip(free).for_each(|(r, free)| *r = [r[0] * free[0], r[1] * free[1], r[2] * free[2], 0.0]);
+    let request = Request {
+        tolerance_squared: 1e-12,
+        reference_squared: r.as_flattened().iter().map(|c| c * c).sum(),
+        ..Request::default()
+    };
+    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; free.len()]);
+    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+    let times = |z: &[V4<f64>], w: &mut [V4<f64>]| {
+        let whole = product(&params, &modes, layers, &frames, free, z, w, &mut scratch);
+        w[params.grid_nodes()..].fill([0.0; 4]);
+        whole + split_product(&params, &modes, layers, &rotation, free, split.0, split.1, z, w)
+    };
+    let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z);
+    let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
+    let outcome = solve(slot, &request, 0.0, 200, &AtomicBool::new(false), times, precondition);
+    assert!(outcome.converged, "{outcome:?}");
+    outcome.iterations
+}
+
+/// Ragged wounds, in which many vertical edges join columns: as many iterations as without a wound, and twice as many if those edges are left out.
+fn ragged_wound() {
+    let mut model = model(&press(16, THIN, 0.45));
+    model.hexahedra_mut().extra_columns = 100;
+    model.free.resize(model.node_count(), [0.0; 4]);
+    let params = model.params::<f64>();
+    let whole = iterations_on_cut(&model, &[], true);
+    for part in [0.2, 0.3] {
+        let mut random = super::setup::Random::new(8);
+        let cells = (3..13).flat_map(|y| (6..10).flat_map(move |x| (2..5).map(move |z| [x, y, z])));
+        let all = cells.flat_map(|at| [0, 1, 2].map(|axis| (at, axis))).filter(|(at, axis)| at[2] < 4 || *axis < 2);
+        let links: Vec<u32> = all
+            .filter(|_| random.next().abs() < part)
+            .map(|(at, axis)| (3 * params.cell_id(at) + axis) as u32)
+            .collect();
+        let [cut, counter] = [true, false].map(|forked| iterations_on_cut(&model, &links, forked));
+        let count = links.len();
+        measured(&format!("multigrid, {count} links severed: iterations to 1e-6"), cut.into(), whole.into());
+        measured("the same without the edges between columns", counter.into(), whole.into());
+        assert!(cut <= whole + 3, "{cut} with {count} links severed, {whole} without");
+        // counter-test
+        assert!(2 * counter > 3 * cut, "{counter} without the edges between columns, {cut} with");
+    }
 }
 
 /// Iterations to 1e-3 and 1e-6.

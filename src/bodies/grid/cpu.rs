@@ -288,6 +288,9 @@ impl<R: Real> System<R> for Hexahedra<R> {
         if let Some((law, _)) = &mut self.law {
             removal.scale.iter().for_each(|(cell, factor)| law.set_scale(*cell, *factor));
         }
+        if let Some(multigrid) = &mut self.multigrid {
+            multigrid.cut |= !removal.words.is_empty();
+        }
         for (word, value) in &removal.words {
             self.split[*word as usize] = *value;
         }

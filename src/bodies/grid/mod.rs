@@ -4,6 +4,7 @@ pub mod cpu;
 mod cut;
 pub mod direct;
 pub mod element;
+pub mod forks;
 pub mod gpu;
 mod hyperelastic;
 pub mod levels;

@@ -14,6 +14,7 @@
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
 use super::element;
+use super::forks::{self, Forks};
 use super::levels::Level;
 use crate::bodies::Model;
 use crate::bodies::cpu::LevelWork;
@@ -104,11 +105,16 @@ pub struct Operator<'a, R> {
     pub frames: &'a Frames<R>,
     /// Table of split nodes and the split cells in order of their rows; finest level only.
     pub split: (&'a [u32], &'a [u32]),
+    /// Columns that the smoother does not take apart; finest level only.
+    forks: Option<&'a Forks<R>>,
 }
 
 /// Arrays of all levels, finest first, in precision `S`. Those that the body has in the same precision stay empty in the finest.
 pub struct Hierarchy<S> {
     levels: Vec<Arrays<S>>,
+    forks: Forks<S>,
+    /// A cut has changed the table of split nodes since the last refresh.
+    pub cut: bool,
 }
 
 struct Arrays<R> {
@@ -152,7 +158,8 @@ impl<S: Real> Hierarchy<S> {
             block: Vec::with_capacity(4 * model.node_count()),
             params: model.params(),
         };
-        Some(Self { levels: std::iter::once(finest).chain(multigrid.coarse.iter().enumerate().map(of)).collect() })
+        let levels = std::iter::once(finest).chain(multigrid.coarse.iter().enumerate().map(of)).collect();
+        Some(Self { levels, forks: Forks::default(), cut: false })
     }
 
     /// Updates all levels from a body's arrays: rotations and factored columns.
@@ -169,9 +176,14 @@ impl<S: Real> Hierarchy<S> {
         let Arrays { params, stiffness, block, free, rotation, .. } = finest;
         let (free, rotation) = (same(of.free).unwrap_or(free), same(of.rotation).unwrap_or(rotation));
         block.resize(4 * params.node_count as usize, [S::zero(); 4]);
+        let (forks, cut) = (&mut self.forks, std::mem::take(&mut self.cut));
         let finest_level = || {
             blocks(params, stiffness, of.layer_of, rotation, free, of.split.0, block);
             factor(params, block);
+            if cut {
+                *forks = Forks::new(params, of.split.0);
+            }
+            forks.factor(forks::Finest { params, stiffness, layer_of: of.layer_of, rotation, free });
         };
         // they ask for the finest level's rotations alone, not for its columns
         let coarse_levels = || {
@@ -203,6 +215,7 @@ impl<S: Real> Hierarchy<S> {
         finest.rotation = same(of.rotation).unwrap_or(finest.rotation);
         finest.frames = of.frames.same().unwrap_or(finest.frames);
         finest.split = of.split;
+        finest.forks = (!self.forks.is_empty()).then_some(&self.forks);
         operators
     }
 
@@ -228,6 +241,7 @@ impl<S: Real> Arrays<S> {
             rotation: &self.rotation,
             frames: &self.frames,
             split: (&[], &[]),
+            forks: None,
         }
     }
 }
@@ -245,7 +259,7 @@ pub fn workspaces<R: Real, S: Real>(levels: &[Operator<S>]) -> Vec<LevelWork<S>>
         let count = level.params.node_count as usize;
         let kept = if number == 0 && R::NAME == S::NAME { 0 } else { count };
         let scratch = vec![[[[S::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
-        LevelWork { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count) }
+        LevelWork { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count), before: vec![] }
     };
     levels.iter().enumerate().map(of).collect()
 }
@@ -272,7 +286,14 @@ impl<R: Real> Operator<'_, R> {
                 self.multiply(z, work);
             }
             let params = Params { fresh: u32::from(fresh), keep: *keep, gain: *gain, ..self.params };
-            gamma = relax(&params, self.block, r, &mut work.w, &mut work.d, z);
+            let LevelWork { w, d, before, .. } = &mut *work;
+            if let Some(forks) = self.forks {
+                forks.solve(fresh, [r, w, d, z], before);
+            }
+            gamma = relax(&params, self.block, r, w, d, z);
+            if let Some(forks) = self.forks {
+                gamma += forks.replace(before, &params, r, d, z);
+            }
         }
         gamma
     }
