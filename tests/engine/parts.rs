@@ -303,14 +303,21 @@ fn forks_solve_their_columns(model: &Model, wound: &Wound, seed: u64) -> Result<
     for nodes in forks.nodes() {
         let (own, others) = rest.split_at(nodes.len());
         rest = others;
+        // every node there that has a cell
+        let at = |node: usize| params.grid_coordinates(parts.table(), node).map(|at| [at[0], at[1]]);
+        let first = at(nodes[0] as usize);
+        let there: BTreeSet<u32> =
+            (0..dense.count).filter(|n| at(*n) == first && !parts.cells_of(*n).is_empty()).map(|n| n as u32).collect();
+        prop_assert_eq!(&nodes.iter().copied().collect::<BTreeSet<u32>>(), &there);
+        prop_assert_eq!(nodes.len(), there.len(), "each once");
         for node in nodes.iter().map(|node| *node as usize) {
             let mut sum = V3::zero();
             for (other, [x, ..]) in nodes.iter().zip(own) {
                 let k = dense.block[node * dense.count + *other as usize];
-                sum = sum + k * V3::from4(*x);
+                sum += k * V3::from4(*x);
             }
             let own = V3::from4(own[nodes.iter().position(|n| *n as usize == node).expect("one of them")][0]);
-            sum = sum + own.times(V3::splat(1.0) - V3::from4(wound.free[node]));
+            sum += own.times(V3::splat(1.0) - V3::from4(wound.free[node]));
             let off = (sum - V3::from4(load[node])).length();
             // relative to the loads, of size 1
             prop_assert!(off < 1e3 * ROUNDING, "node {} is off by {:e}", node, off);

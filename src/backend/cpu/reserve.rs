@@ -1,7 +1,7 @@
 //! Storage for the nodes that a cut may duplicate.
 //!
 //! The length of nodal arrays is the number of nodes in use ([`crate::kernels::split`]), so without a cut the reserve costs no time. Their
-//! capacity includes the reserve, so a cut allocates nothing.
+//! capacity includes the reserve, so a cut allocates none.
 
 use super::CpuBackend;
 use crate::math::{Real, V4, round};

@@ -1,12 +1,14 @@
 //! Forked columns: node columns of a cut grid in which a vertical edge of a cell joins nodes of different z-columns.
 //!
 //! Where a wound ends inside the tissue, two nodes lie above one: the column goes on with one of them, and the other is the lowest of a column of
-//! duplicates. The kernels solve each z-column by itself and leave out the edges between them ([`crate::kernels::blocks`]), which in thin layers are
-//! the stiffest of all. On the finest level of the CPU path the smoother therefore solves all nodes at such an (x, y) together and exactly. Iterations
-//! to 10⁻⁵ of the load in incision_shapes.toml: 6 before the cut; after its first two cuts 16, without this 32; while a flap is cut 21, and 24.
-//! (Tried: virtual cells on the coarse levels, Dick, Georgii, Westermann 2011. Alone they give 24 and no measured gain on the flap; with this, 16 and 15.)
+//! duplicates. (Or two below one, where it is closed further up.) The kernels solve each z-column by itself and leave out the edges between them
+//! ([`crate::kernels::blocks`]), which in thin layers are the stiffest of all. On the finest level of the CPU path the smoother therefore solves all
+//! nodes at such an (x, y) together and exactly. Iterations to 10⁻⁵ of the load in incision_shapes.toml: 6 before the cut; after its first two cuts
+//! 16, without this 32; while a flap is cut 21, and 24.
+//! Tried: virtual cells on the coarse levels (Dick, Georgii, Westermann 2011). After two cuts 24 without this and 16 with it, as with this alone; on the
+//! flap 15 with it, at the tolerance of shipped scenes no time gained.
 //!
-//! Factored as block LDLᵀ of 3×3 blocks from the top down: no fill-in unless two pieces above one another meet again further down.
+//! Factored as block LDLᵀ of 3×3 blocks from the top down: fill-in only where a node lies above two.
 //! Source: Golub, Van Loan 2013, section 4.5; elimination of trees: George, Liu 1981.
 
 use crate::kernels::Params;
@@ -48,7 +50,7 @@ struct Edge {
     nodes: [usize; 2],
 }
 
-/// What a smoothing step has had at a node of a fork: `M⁻¹(r − w)`, and `d` and `z` before it.
+/// At a node of a fork: the load and then `M⁻¹(r − w)`, and `d` and `z` before the smoothing step.
 pub type Before<R> = [V4<R>; 3];
 
 /// Arrays of the finest level that the factors are made of.
@@ -79,7 +81,13 @@ impl<R: Real> Forks<R> {
         let mut columns: Vec<u32> = split[..extra].iter().copied().filter(|parent| *parent != NONE).collect();
         columns.sort_unstable();
         columns.dedup();
-        Self { all: columns.iter().filter_map(|column| Fork::new(params, split, *column as usize)).collect() }
+        Self {
+            all: columns
+                .par_iter()
+                .with_min_len(16)
+                .filter_map(|column| Fork::new(params, split, *column as usize))
+                .collect(),
+        }
     }
 
     /// True if there are none.

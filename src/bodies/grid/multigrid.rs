@@ -9,6 +9,7 @@
 //! 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev polynomials of the fourth kind (no better); more sweeps on the
 //! coarsest level (no effect); four-colour Gauss–Seidel over columns (in the prototype a little less work than degree 2, with four times
 //! the dispatches).
+//! On a cut grid the columns at one (x, y) may have to be solved together ([`super::forks`]; CPU path only: on a device each by itself).
 //! On the CPU path the cycle is in f32 also where the conjugate gradients are in f64, which keep the solution's precision: the same
 //! iterations up to ν 0.4999 (94 of 94 at 10⁻⁴), an eighth less time for a step of the incision.
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
@@ -113,7 +114,7 @@ pub struct Operator<'a, R> {
 pub struct Hierarchy<S> {
     levels: Vec<Arrays<S>>,
     forks: Forks<S>,
-    /// A cut has changed the table of split nodes since the last refresh.
+    /// The table of split nodes is new or was changed by a cut since the last refresh.
     pub cut: bool,
 }
 
@@ -159,7 +160,7 @@ impl<S: Real> Hierarchy<S> {
             params: model.params(),
         };
         let levels = std::iter::once(finest).chain(multigrid.coarse.iter().enumerate().map(of)).collect();
-        Some(Self { levels, forks: Forks::default(), cut: false })
+        Some(Self { levels, forks: Forks::default(), cut: true })
     }
 
     /// Updates all levels from a body's arrays: rotations and factored columns.
