@@ -2,7 +2,7 @@
 
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
-use cutis::bodies::grid::forks::{self, Forks};
+use cutis::bodies::grid::forks::Forks;
 use cutis::bodies::grid::levels::{OF_VOLUME, largest};
 use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
@@ -293,8 +293,7 @@ fn forks_solve_their_columns(model: &Model, wound: &Wound, seed: u64) -> Result<
     let (rotation, load) = (turned(model, seed), field(wound, seed + 3));
     let dense = Dense::new(model, wound, &rotation);
     let mut forks = Forks::new(&params, parts.table());
-    let (stiffness, layer_of) = (&model.system_blocks::<f64>()[..], &model.grid.layer_of[..]);
-    forks.factor(forks::Finest { params: &params, stiffness, layer_of, rotation: &rotation, free: &wound.free });
+    forks.factor(&params, &model.system_blocks(), &model.grid.layer_of, &rotation, &wound.free);
     let zero = vec![[0.0; 4]; dense.count];
     let mut found = vec![];
     forks.solve(true, [&load, &zero, &zero, &zero], &mut found);

@@ -83,8 +83,7 @@ fn slot(model: &Model, rotation: &mut [V4<f64>]) {
 /// The press solved in given rotations from zero.
 fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) -> (Vec<V4<f64>>, Outcome) {
     let params = model.params::<f64>();
-    let (layers, modes) = (&model.grid.layer_of, model.modes());
-    let count = model.rest.len();
+    let layers = &model.grid.layer_of;
     let mut free = model.free.clone();
     for (node, free) in free.iter_mut().enumerate() {
         let at = params.node_at(node);
@@ -95,29 +94,45 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
     let frames = Frames::new(&params, rotation, &[]);
     let finest =
         Finest { params: &params, free: &free, layer_of: layers, rotation, frames: &frames, split: (&[], &[]) };
+    let load = model.load_at(&scene.loads, 0.0);
+    let r = load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
+    by_multigrid(model, finest, true, r, tolerance)
+}
+
+/// Solution for a load from zero; `forked` has the smoother know the forks.
+fn by_multigrid(
+    model: &Model,
+    finest: Finest<f64>,
+    forked: bool,
+    mut r: Vec<V4<f64>>,
+    tolerance: f64,
+) -> (Vec<V4<f64>>, Outcome) {
+    let Finest { params, free, layer_of, rotation, frames, split } = finest;
+    let modes = model.modes();
     let mut hierarchy = Hierarchy::<f32>::new(model).expect("multigrid");
+    hierarchy.cut = forked;
     hierarchy.refresh(finest);
     let levels = hierarchy.operators(finest);
+    // of grids that can be cut; a wrong bound makes others indefinite
+    if !split.0.is_empty() {
+        symmetric(&levels, free);
+    }
     let mut work = workspaces::<f64, f32>(&levels);
-    let load = model.load_at(&scene.loads, 0.0);
-    let mut r: Vec<V4<f64>> =
-        load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
     let request = Request {
         tolerance_squared: tolerance * tolerance,
         reference_squared: r.as_flattened().iter().map(|c| c * c).sum(),
         ..Request::default()
     };
-    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; count]);
-    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-    let outcome = solve(
-        Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
-        &request,
-        0.0,
-        200,
-        &AtomicBool::new(false),
-        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, &frames, &free, z, w, &mut scratch),
-        |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z),
-    );
+    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; free.len()]);
+    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
+    let times = |z: &[V4<f64>], w: &mut [V4<f64>]| {
+        let whole = product(params, &modes, layer_of, frames, free, z, w, &mut scratch);
+        w[params.grid_nodes()..].fill([0.0; 4]);
+        whole + split_product(params, &modes, layer_of, rotation, free, split.0, split.1, z, w)
+    };
+    let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z);
+    let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
+    let outcome = solve(slot, &request, 0.0, 200, &AtomicBool::new(false), times, precondition);
     (x, outcome)
 }
 
@@ -145,7 +160,7 @@ fn symmetric(levels: &[Operator<f32>], free: &[V4<f64>]) {
 /// Iterations to 1e-6 on a cut body under a load at random; `forked` has the smoother know the forks.
 fn iterations_on_cut(model: &Model, links: &[u32], forked: bool) -> u32 {
     let params = model.params::<f64>();
-    let (layers, modes, rotation) = (&model.grid.layer_of, model.modes(), at_rest(model));
+    let (layers, rotation) = (&model.grid.layer_of, at_rest(model));
     let mut wound = Wound::new(model);
     let hits: Vec<Hit<f64>> = links.iter().map(|link| Hit { segment: *link, at: 0.5 }).collect();
     wound.apply(model, &hits);
@@ -153,29 +168,9 @@ fn iterations_on_cut(model: &Model, links: &[u32], forked: bool) -> u32 {
     let (free, split) = (&wound.free[..], (wound.surface.parts.table(), wound.surface.parts.split_cells()));
     let frames = Frames::new(&params, &rotation, split.0);
     let finest = Finest { params: &params, free, layer_of: layers, rotation: &rotation, frames: &frames, split };
-    let mut hierarchy = Hierarchy::<f32>::new(model).expect("multigrid");
-    hierarchy.cut = forked;
-    hierarchy.refresh(finest);
-    let levels = hierarchy.operators(finest);
-    let mut work = workspaces::<f64, f32>(&levels);
-    symmetric(&levels, free);
     let mut r = super::setup::Random::new(3).field(free.len(), 1.0);
     r.iter_mut().zip(free).for_each(|(r, free)| *r = [r[0] * free[0], r[1] * free[1], r[2] * free[2], 0.0]);
-    let request = Request {
-        tolerance_squared: 1e-12,
-        reference_squared: r.as_flattened().iter().map(|c| c * c).sum(),
-        ..Request::default()
-    };
-    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; free.len()]);
-    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-    let times = |z: &[V4<f64>], w: &mut [V4<f64>]| {
-        let whole = product(&params, &modes, layers, &frames, free, z, w, &mut scratch);
-        w[params.grid_nodes()..].fill([0.0; 4]);
-        whole + split_product(&params, &modes, layers, &rotation, free, split.0, split.1, z, w)
-    };
-    let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z);
-    let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
-    let outcome = solve(slot, &request, 0.0, 200, &AtomicBool::new(false), times, precondition);
+    let (_, outcome) = by_multigrid(model, finest, forked, r, 1e-6);
     assert!(outcome.converged, "{outcome:?}");
     outcome.iterations
 }

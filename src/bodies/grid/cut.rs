@@ -4,8 +4,8 @@
 //!
 //! Arrays and the product over the grid stay unchanged: cells with duplicates among their corners are added one by one
 //! ([`crate::kernels::split_product`]), the smoother includes the duplicate columns (joined to the grid's by [`super::forks`]), and the
-//! coarse levels ignore the cut. Unused duplicates are at the end of all arrays, and no kernel runs over them. Connected components are found on the host, where the
-//! hits are anyway: 0.03 ms of a cutting step of the default scene, as much as one empty round trip to a device.
+//! coarse levels ignore the cut. Unused duplicates are at the end of all arrays, and no kernel runs over them. Connected components are
+//! found on the host, where the hits are anyway: 0.03 ms of a cutting step of the default scene, as much as one empty round trip to a device.
 //! Source: severed links between cells: Frisken-Gibson 1999 (linked volumes); node duplication per connected component: Molino, Bao,
 //! Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra).
 

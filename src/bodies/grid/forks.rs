@@ -53,21 +53,6 @@ struct Edge {
 /// At a node of a fork: the load and then `M⁻¹(r − w)`, and `d` and `z` before the smoothing step.
 pub type Before<R> = [V4<R>; 3];
 
-/// Arrays of the finest level that the factors are made of.
-#[derive(Clone, Copy)]
-pub struct Finest<'a, R> {
-    /// Sizes.
-    pub params: &'a Params<R>,
-    /// `[layer × 64]` blocks a×8+b, N/m
-    pub stiffness: &'a [M3<R>],
-    /// `[cells_z]` layer
-    pub layer_of: &'a [u32],
-    /// `[cell]` quaternion; `[cell × 3]` rows
-    pub rotation: &'a [V4<R>],
-    /// `[node]` DOF mask (1 free, 0 fixed) and mass, kg
-    pub free: &'a [V4<R>],
-}
-
 impl<R> Default for Forks<R> {
     fn default() -> Self {
         Self { all: vec![] }
@@ -90,19 +75,22 @@ impl<R: Real> Forks<R> {
         }
     }
 
-    /// True if there are none.
-    pub fn is_empty(&self) -> bool {
-        self.all.is_empty()
-    }
-
     /// Nodes of each, from the top down.
     pub fn nodes(&self) -> impl Iterator<Item = &[u32]> {
         self.all.iter().map(|fork| &fork.nodes[..])
     }
 
-    /// Factors all of them.
-    pub fn factor(&mut self, of: Finest<R>) {
-        self.all.par_iter_mut().with_min_len(8).for_each(|fork| fork.factor(of));
+    /// Factors all of them; arguments as of [`crate::kernels::blocks::blocks`].
+    pub fn factor(
+        &mut self,
+        params: &Params<R>,
+        stiffness: &[M3<R>],
+        layer_of: &[u32],
+        rotation: &[V4<R>],
+        free: &[V4<R>],
+    ) {
+        let one = |fork: &mut Fork<R>| fork.factor(params, stiffness, layer_of, rotation, free);
+        self.all.par_iter_mut().with_min_len(8).for_each(one);
     }
 
     /// Solves with `r − w`, with `r` alone from a zero guess, before the smoothing step that takes the columns apart.
@@ -195,8 +183,14 @@ impl<R: Real> Fork<R> {
         own.start + self.to[own].iter().position(|to| *to == later).expect("they are coupled")
     }
 
-    fn factor(&mut self, of: Finest<R>) {
-        let Finest { params, stiffness, layer_of, rotation, free } = of;
+    fn factor(
+        &mut self,
+        params: &Params<R>,
+        stiffness: &[M3<R>],
+        layer_of: &[u32],
+        rotation: &[V4<R>],
+        free: &[V4<R>],
+    ) {
         self.diagonal.fill(M3::zero());
         self.coupling.fill(M3::zero());
         // stiffness of the edges

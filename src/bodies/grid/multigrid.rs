@@ -15,7 +15,7 @@
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
 use super::element;
-use super::forks::{self, Forks};
+use super::forks::Forks;
 use super::levels::Level;
 use crate::bodies::Model;
 use crate::bodies::cpu::LevelWork;
@@ -184,7 +184,7 @@ impl<S: Real> Hierarchy<S> {
             if cut {
                 *forks = Forks::new(params, of.split.0);
             }
-            forks.factor(forks::Finest { params, stiffness, layer_of: of.layer_of, rotation, free });
+            forks.factor(params, stiffness, of.layer_of, rotation, free);
         };
         // they ask for the finest level's rotations alone, not for its columns
         let coarse_levels = || {
@@ -216,7 +216,7 @@ impl<S: Real> Hierarchy<S> {
         finest.rotation = same(of.rotation).unwrap_or(finest.rotation);
         finest.frames = of.frames.same().unwrap_or(finest.frames);
         finest.split = of.split;
-        finest.forks = (!self.forks.is_empty()).then_some(&self.forks);
+        finest.forks = Some(&self.forks);
         operators
     }
 
