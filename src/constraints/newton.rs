@@ -11,6 +11,10 @@ use super::{Law, Residual, first_rows, floor, of_rows, residual, residual_at, sc
 const STEPS: u32 = 30;
 /// Most halvings of a step that does not reduce `Σ c F²`.
 const HALVINGS: i32 = 8;
+/// Steps after which `Σ c F²` has to be less than half of what it was before them: near a solution each step takes several digits, and steps
+/// that crawl end in a local minimum. 714 problems of perturbed cuts that take more than 40,000 row updates: without this 61,400 in the mean
+/// and two not solved in 400,000, with it 51,400 and none.
+const WATCHED: u32 = 3;
 /// Shares by which `J`'s diagonal is raised, the next one when a step fails (Levenberg 1944). The first is well above rounding (1e-16 × 300
 /// rows) and well below the tolerance of λ. Redundant contacts whose violations disagree (four corners of a rigid face, by the rounding of
 /// their positions) call for a force of that disagreement over the share, which grows without bound: they need a larger one.
@@ -21,7 +25,7 @@ const RAISED: [f64; 2] = [1e-11, 1e-7];
 /// 10⁻³ takes five steps, and with 1 none reduces the residual. On a well conditioned `W` it is the other way round.
 const SHARES: [f64; 2] = [1.0, 1e-3];
 
-/// Newton steps until `done`, until none reduces the residual, or until the row updates are used up; returns the number of steps and of row
+/// Newton steps until `done`, until they no longer reduce the residual, or until the row updates are used up; returns the number of steps and of row
 /// updates. `force` never gets worse.
 pub(super) fn polish(
     laws: &[Law],
@@ -64,7 +68,14 @@ fn descend(
     let mut trial = force.to_vec();
     let mut before = residual_at(laws, w, free, force, share).energy;
     let mut raised = 0;
+    let mut watched = before;
     for count in 0..STEPS {
+        if count > 0 && count % WATCHED == 0 {
+            if before > 0.5 * watched {
+                return count;
+            }
+            watched = before;
+        }
         *updates += rows as u64;
         if *updates >= most || done(&residual(laws, w, free, force), force) {
             return count;

@@ -38,7 +38,8 @@ use super::{Ended, Law, Residual, newton, relax, residual};
 const FIRST: f64 = 1e-2;
 /// Largest such share, used after unsolved problems: no row's force then changes faster than that of the row alone.
 const MOST: f64 = 1.0;
-/// Factor on the share after a solved problem.
+/// Factor on the share after a solved problem, as long as none with so small a share was left unsolved: such a one takes twenty times the row
+/// updates of a solved one. With the smaller share tried again after each step, 18 of 714 problems of perturbed cuts were not solved.
 const THEN: f64 = 0.1;
 /// Share below which the compliance is rounding, and omitted.
 const LEAST: f64 = 1e-13;
@@ -100,7 +101,7 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
     ended.updates = force.len() as u64;
     let mut best = force.to_vec();
     let (mut near, mut shifted) = (w.to_vec(), free.to_vec());
-    let mut share = FIRST;
+    let (mut share, mut unsolved) = (FIRST, None);
     loop {
         // solve the problem with added compliance; keep the best iterate
         add_compliance(w, free, force, share, &mut near, &mut shifted);
@@ -122,9 +123,13 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
         }
         // less compliance after a solved problem; else more, from the best iterate
         if settled {
-            share = if share * THEN < LEAST { 0.0 } else { share * THEN };
+            let next = if share * THEN < LEAST { 0.0 } else { share * THEN };
+            if unsolved.is_none_or(|unsolved| next > unsolved) {
+                share = next;
+            }
         } else {
             force.copy_from_slice(&best);
+            unsolved = Some(share);
             share = (10.0 * share).clamp(FIRST, MOST);
         }
     }

@@ -143,8 +143,9 @@ impl Simulation {
             let tool = &self.tools[sample.0];
             let moved = h * (tool.velocity.length() + tool.angular_velocity.length() * tool.span())
                 + self.bodies[sample.1].travel;
-            // a piece of edge that has cut stands in its own cut, at most a cell from the walls
-            let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
+            // a piece of edge that has cut stands in its own cut, at most a cell from the walls, and leads those beside it out of it
+            let beside = contact.feature.saturating_sub(1)..=contact.feature + 1;
+            let own_cut = beside.into_iter().any(|feature| self.fronts.contains_key(&(sample.0, feature)));
             let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm

@@ -27,6 +27,8 @@ use std::time::{Duration, Instant};
 /// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000, a third of three crossing cuts
 /// leave a residual that can be felt in a pass.
 const ROW_UPDATES: u64 = 400_000;
+/// Most row updates of a step's solves, twice that of one. Beyond them a solve has [`UPDATES_WITH_MARGIN`].
+const STEP_UPDATES: u64 = 2 * ROW_UPDATES;
 /// Row updates after which what cannot be felt is accepted without a margin ([`INNER_SHARE`]). One step of incision.toml spent 1,250,000, 19 of
 /// its 25 ms, on three solves that went from 12 nm towards 10.
 const UPDATES_WITH_MARGIN: u64 = 65_000;
@@ -166,7 +168,8 @@ impl Problem<'_> {
         let clock = Instant::now();
         let imperceptible = self.loose_tolerance(1.0);
         // whether a solve within a number of row updates met a tolerance or cannot be felt, what it left in energy, and its updates
-        let mut within = |loose, updates, lambda: &mut [f64]| {
+        let mut within = |loose, updates: u64, lambda: &mut [f64]| {
+            let updates = updates.min(STEP_UPDATES.saturating_sub(costs.row_updates).max(UPDATES_WITH_MARGIN));
             let ended =
                 solve(&self.laws, &self.w, without_force, lambda, &Effort { tolerance: TOLERANCE, loose, updates });
             costs.row_updates += ended.updates;
