@@ -24,6 +24,9 @@
 //! 17 with `ε` of 10⁻³ at first; with 10⁻¹ they take a sixth more Newton steps. Solving without friction first and adding it in steps
 //! solved none of those left.
 //!
+//! 714 solves of perturbed incisions of three paths, 24 to 36 cells across, with up to 33 contacts that take more than 40,000 row updates: all
+//! converge to 10⁻⁴ and 10 nm in 360,000, half in 45,000, from the last step's forces; from zero 693 of them in 400,000.
+//!
 //! ADMM on the same laws (Carpentier 2024: penalty by row, adapted to the residuals' ratio, from 10⁻³, 10⁻¹ and 1), on 990 problems of cuts
 //! right through and of random paths, a fifth of those that take more than 4,000 row updates here: 945, 941, 937 converge to 10⁻⁴ and 10 nm
 //! within 400,000, in 26,800, 15,500 and 13,100 in the median; here 961 converge, in 6,300.
