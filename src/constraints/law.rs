@@ -148,6 +148,12 @@ impl Law {
         }
     }
 
+    /// Whether the force, for given forces of its other groups, never falls as what it opposes grows. That of an edge turns with the motion, and
+    /// falls where slicing takes over from pushing.
+    pub(super) fn is_monotone(&self) -> bool {
+        !matches!(self, Self::Cut { .. })
+    }
+
     /// Whether a sweep goes only half way to a group's projection: in an edge's plane, where pieces of one edge that go the whole way may
     /// oscillate for ever.
     pub(super) fn under_relaxes(&self, group: &Range<usize>) -> bool {

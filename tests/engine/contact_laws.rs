@@ -342,12 +342,12 @@ fn points_and_edges_on_few_nodes_end_within_a_step() {
             assert_eq!((left.force, left.gap), (ended.residual.force, ended.residual.gap), "{case}");
             most = most.max(ended.updates);
             let mut swept = vec![0.0; free.len()];
-            relax(&laws, &w, &free, &mut swept, 0.0, (ended.updates / free.len() as u64) as u32);
-            plain += u32::from(residual(&laws, &w, &free, &swept).energy > 100.0 * ended.residual.energy);
+            relax(&laws, &w, &free, &mut swept, 0.0, 20);
+            plain += u32::from(!STEP.loose.is_met(&residual(&laws, &w, &free, &swept), &swept));
         }
     }
-    println!("{most} row updates at most; as many in sweeps alone leave {plain} of 200 ten times as far from the laws");
-    assert!(plain > 10, "counter-test: sweeps alone are as good in all but {plain} of 200");
+    println!("{most} row updates at most; 20 sweeps leave {plain} of 200");
+    assert!(plain > 10, "counter-test: 20 sweeps solve all but {plain} of 200");
 }
 
 /// A stored problem: laws, `W`, violations without force, and the forces to start from.
@@ -368,22 +368,21 @@ fn stored(text: &str) -> (Vec<Law>, Vec<f64>, Vec<f64>, Vec<f64>) {
     (laws, w, lines_of_rows.iter().map(|l| 1e-6 * l[0]).collect(), lines_of_rows.iter().map(|l| 1e-3 * l[1]).collect())
 }
 
-/// Problems with one per cent of added compliance have a local minimum near the start of this one; those with a tenth lead past it. As long
-/// as the smaller share was tried again after each step, no budget was enough.
+/// Newton's steps stall in a local minimum near the start of this one, on the problem with one per cent of added compliance; as long as that was
+/// tried again and again, 4,000,000 row updates were not enough. Sweeps go on, and so do problems with a tenth.
 #[test]
 fn edges_in_a_local_minimum_are_led_past_it() {
     let imperceptible = LooseTolerance { share: 1e-3, gap: 1e-7 };
-    let effort = Effort { tolerance: 1e-8, loose: imperceptible, updates: 200_000 };
+    let effort = Effort { tolerance: 1e-8, loose: imperceptible, updates: 100_000 };
     let (laws, w, free, start) = stored(include_str!("undermining_edges.txt"));
     for from in [vec![0.0; start.len()], start] {
         let mut force = from.clone();
         let ended = solve(&laws, &w, &free, &mut force, &effort);
         assert!(ended.converged && ended.updates < effort.updates, "{ended:?}");
         let mut swept = from;
-        let sweeps = (effort.updates / free.len() as u64) as u32;
-        relax(&laws, &w, &free, &mut swept, 0.0, sweeps);
+        relax(&laws, &w, &free, &mut swept, 0.0, 40);
         let left = residual(&laws, &w, &free, &swept);
-        assert!(!imperceptible.is_met(&left, &swept), "counter-test: sweeps alone leave {left:?}");
+        assert!(!imperceptible.is_met(&left, &swept), "counter-test: forty sweeps leave {left:?}");
     }
 }
 
