@@ -154,7 +154,7 @@ pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
 
 /// Maximum that propagates NaN.
 pub fn larger(a: f64, b: f64) -> f64 {
-    if a >= b { a } else { b }
+    if b > a || b.is_nan() { b } else { a }
 }
 
 /// `Σ a b`, in eight partial sums that do not wait for each other; their order is the same on every machine.

@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 /// Most row updates of a contact solve, which bounds a step's time: 4 ms for 36 rows and 50 ms for 192 on one core. 99 % of the solves of
 /// incision_shapes.toml take less than 7,300, the hardest of perturbed ones 400,000, 64 points with friction on 25 nodes 250,000.
 const ROW_UPDATES: u64 = 400_000;
-/// Most row updates of a step's solves, twice that of one. Beyond them a solve has [`UPDATES_WITH_MARGIN`].
+/// Most row updates of a step's solves, twice that of one. Beyond them each try of one has [`UPDATES_WITH_MARGIN`].
 const STEP_UPDATES: u64 = 2 * ROW_UPDATES;
 /// Row updates after which what cannot be felt is accepted without a margin ([`INNER_SHARE`]). One step of incision.toml spent 1,250,000, 19 of
 /// its 25 ms, on three solves that went from 12 nm towards 10.
