@@ -15,6 +15,8 @@
 
 pub mod bodies;
 pub mod broad;
+pub mod convex;
+pub mod edges;
 pub mod features;
 pub mod lips;
 pub mod round;

@@ -1,29 +1,33 @@
 //! Contacts of rigid bodies with walls and with each other, and of deformable bodies with walls and with each other.
 //!
-//! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)` in f64. Rigid bodies: points and
-//! spheres in closed form, all else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts). Their normals and
-//! points are f32; the gap is computed again in f64 from these points, and is exact for boxes whose faces meet. Deformable bodies: nodes
-//! of one against faces of the other, both ways; where two nodes meet, once.
+//! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)`. Rigid bodies: their convex parts
+//! ([`super::convex`]). Deformable bodies: nodes of one against faces of the other, both ways; where two nodes meet, once. Edges that cross:
+//! [`super::edges`].
 //! Units: m.
 
+use super::convex::{self, Cuboid, Point};
+use super::edges::BESIDE;
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
 use crate::mesh::Face;
 use crate::mesh::MaterialPoint;
 use crate::scene::{BodyId, Plane};
-use glam::DVec3;
-use parry3d::math::Pose;
-use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher};
-use parry3d::shape::{Capsule, Cuboid, Shape};
+use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
-/// Distance below which a normal counts as a box's axis: parry's is rounded to f32.
-const ALIGNED: f64 = 1e-5;
 /// Cosine below which faces do not face each other: the sides of two blocks stacked on each other do not touch.
 const FACING: f64 = 0.1;
 
-fn contact(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
+/// Contact with friction at a point; the material points are still to be set.
+pub(super) fn contact(
+    on: [BodyId; 2],
+    feature: usize,
+    point: DVec3,
+    normal: DVec3,
+    gap: f64,
+    search: &Search,
+) -> Contact {
     Contact {
         on,
         points: [MaterialPoint::default(), MaterialPoint::default()],
@@ -77,7 +81,8 @@ pub fn between_rigid(
     for part in parts(a) {
         for other in &others {
             feature += MAX_POINTS;
-            for (k, (point, normal, gap)) in meet((a, &part), (b, other), reach).into_iter().enumerate() {
+            let points = meet((a, &part), (b, other), reach).into_iter().take(MAX_POINTS);
+            for (k, (point, normal, gap)) in points.enumerate() {
                 if gap < reach {
                     out.push(contact(on, feature + k, point, normal, gap, search));
                 }
@@ -98,10 +103,6 @@ enum Part {
     Round([DVec3; 2], f64),
 }
 
-/// Radius given to parry for parts without one, m: it derives directions from distances, which must not be zero. The gap is of the true
-/// radius.
-const THIN: f64 = 1e-5;
-
 fn parts(body: &Instrument) -> Vec<Part> {
     if let Some(half) = body.cuboid {
         return vec![Part::Box(half)];
@@ -120,71 +121,30 @@ fn parts(body: &Instrument) -> Vec<Part> {
 }
 
 /// Contact points of two parts within reach, each with the normal towards the first body and the gap.
-fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach: f64) -> Vec<(DVec3, DVec3, f64)> {
-    // two points or spheres: closed form
-    if let (Part::Round([p, q], r), Part::Round([s, t], o)) = (part, other)
-        && p == q
-        && s == t
-    {
-        let (centre, second) = (a.at(*p), b.at(*s));
-        let away = centre - second;
-        let normal = away.try_normalize().unwrap_or(DVec3::Z);
-        let gap = away.length() - r - o;
-        return vec![(second + normal * (o + 0.5 * gap), normal, gap)];
-    }
-    // contact manifolds in the frame of the first body
-    let mut manifolds: Vec<ContactManifold<(), ()>> = vec![];
-    let back = a.rotation.inverse();
-    let apart = (back * (b.position - a.position)).as_vec3();
-    let relative = Pose::from_parts(apart, (back * b.rotation).as_quat());
-    let ((shape, grown), (second, more)) = (shape(part), shape(other));
-    let asked = DefaultQueryDispatcher.contact_manifolds(
-        &relative,
-        shape.as_ref(),
-        second.as_ref(),
-        reach as f32,
-        &mut manifolds,
-        &mut None,
-    );
-    if asked.is_err() {
-        return vec![]; // no such pair among balls, capsules and boxes
-    }
-    // gaps in f64
-    let mut out = vec![];
-    for manifold in &manifolds {
-        let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
-        for found in manifold.points.iter().take(MAX_POINTS) {
-            let (p, q) = (a.at(on_box(a, found.local_p1.as_dvec3())), b.at(on_box(b, found.local_p2.as_dvec3())));
-            out.push(((p + q) * 0.5, normal, normal.dot(p - q) + grown + more));
+fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach: f64) -> Vec<Point> {
+    let cuboid = |of: &Instrument, half: &DVec3| Cuboid {
+        centre: of.position,
+        axes: DMat3::from_quat(of.rotation),
+        half: *half,
+    };
+    let (found, radii) = match (part, other) {
+        (Part::Box(half), Part::Box(more)) => (convex::boxes(&cuboid(a, half), &cuboid(b, more), reach), [0.0; 2]),
+        (Part::Round(ends, radius), Part::Box(half)) => {
+            (convex::segment_on_box(ends.map(|p| a.at(p)), &cuboid(b, half)), [*radius, 0.0])
         }
-    }
-    out
-}
-
-/// Shape of a part for parry, and its excess radius.
-fn shape(part: &Part) -> (Box<dyn Shape>, f64) {
-    match part {
-        Part::Box(half) => (Box::new(Cuboid::new(half.as_vec3())), 0.0),
-        Part::Round([p, q], radius) => {
-            let thick = radius.max(THIN);
-            (Box::new(Capsule::new(p.as_vec3(), q.as_vec3(), thick as f32)), thick - radius)
+        (Part::Box(half), Part::Round(ends, radius)) => {
+            let found = convex::segment_on_box(ends.map(|p| b.at(p)), &cuboid(a, half));
+            (found.into_iter().map(|(point, normal, gap)| (point, -normal, gap)).collect(), [0.0, *radius])
         }
-    }
-}
-
-/// The normal, or the box axis that it equals to rounding.
-fn snapped(normal: DVec3, a: &Instrument, b: &Instrument) -> DVec3 {
-    let boxes = [a, b].into_iter().filter(|body| body.cuboid.is_some());
-    let axes = boxes.flat_map(|body| DVec3::AXES.map(|axis| body.rotation * axis));
-    let near = axes.flat_map(|axis| [axis, -axis]).find(|axis| axis.distance(normal) < ALIGNED);
-    near.unwrap_or_else(|| normal.normalize_or_zero())
-}
-
-/// Point on a box; coordinates that equal a face's to rounding are made exact.
-fn on_box(body: &Instrument, point: DVec3) -> DVec3 {
-    let Some(half) = body.cuboid else { return point };
-    let exact = |x: f64, h: f64| if (x.abs() - h).abs() < ALIGNED * h { h.copysign(x) } else { x };
-    DVec3::new(exact(point.x, half.x), exact(point.y, half.y), exact(point.z, half.z))
+        (Part::Round(ends, radius), Part::Round(others, more)) => {
+            (convex::segments(ends.map(|p| a.at(p)), others.map(|p| b.at(p))), [*radius, *more])
+        }
+    };
+    // half way between the surfaces
+    let grown = |(point, normal, gap): Point| {
+        (point + normal * (0.5 * (radii[1] - radii[0])), normal, gap - radii[0] - radii[1])
+    };
+    found.into_iter().map(grown).collect()
 }
 
 /// Nodes of faces with outward directions, not of unit length.
@@ -237,7 +197,8 @@ pub fn skin_on_box(
         let local = tool.rotation.inverse() * (point - tool.position);
         let out_of = local.abs() - half; // distance beyond each pair of faces
         let axis = out_of.max_position();
-        let beside = (0..3).any(|n| n != axis && out_of[n] > 0.0);
+        let slack = BESIDE * outward.length().sqrt(); // by about the length of its edges
+        let beside = (0..3).any(|n| n != axis && out_of[n] > slack);
         let normal = -(tool.rotation * (DVec3::AXES[axis] * local[axis].signum()));
         let looks = normal.dot(outward) > FACING * outward.length();
         if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
@@ -269,7 +230,8 @@ pub fn skin_on_skin(
         }
         let nearest = patch.position(triangle, weights);
         let beside = (point - nearest) - normal * normal.dot(point - nearest);
-        if beside.length() > same || skip.iter().any(|p| p.distance(point) < same) {
+        let slack = same.max(BESIDE * outward.length().sqrt()); // by about the length of its edges
+        if beside.length() > slack || skip.iter().any(|p| p.distance(point) < same) {
             continue; // over the rim, or a node of the other body is here
         }
         let found = contact(on, node as usize, point, normal, normal.dot(point - nearest), search);

@@ -4,7 +4,7 @@ use super::contact::ContactReport;
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::sides::{Last, Sides};
-use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
+use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, edges, features, lips, round};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
@@ -14,6 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
+/// Weight from which a contact's point is one of a surface's nodes.
+const AT_NODE: f64 = 0.99;
 /// Most contacts of a body's lips, as a multiple of the scene's number: a wound across a fine grid has more nodes than a tool touches.
 const LIPS: usize = 4;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
@@ -276,7 +278,11 @@ impl Simulation {
                 };
                 found.extend(of_pair);
                 sides.extend(of_samples.into_iter().map(|(sample, side)| ((k, number, sample), side)));
-                found.extend(bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]));
+                let of_nodes = bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]);
+                let held = nodes_that_touch(&of_nodes, number);
+                let surface = (number, patch, &faces[..]);
+                found.extend(edges::of_box(of_tool, surface, &position, &held, &own, travel[k]));
+                found.extend(of_nodes);
             }
             // with walls
             let others = self.bodies.len() - 1;
@@ -296,11 +302,18 @@ impl Simulation {
                     let faces = &body.located.faces[here];
                     pairs = bodies::skin_on_skin((number, faces, &position), (other, patch), &both, &[], same);
                 }
+                let (faces, others) = (&body.located.faces[here], &second.located.faces[there]);
                 if let Some(patch) = &patches[number][here] {
                     let skip: Vec<DVec3> = pairs.iter().map(|c: &Contact| c.point).collect();
-                    let faces = &second.located.faces[there];
-                    let back = (other, &faces[..], &at_second);
-                    found.extend(bodies::skin_on_skin(back, (number, patch), &both, &skip, same));
+                    let back = (other, &others[..], &at_second);
+                    pairs.extend(bodies::skin_on_skin(back, (number, patch), &both, &skip, same));
+                }
+                // edges, where no node holds them
+                if let Some(patch) = &patches[other][there] {
+                    let held = [number, other].map(|of| nodes_that_touch(&pairs, of));
+                    let here = (number, &faces[..], &position, &held[0]);
+                    let there = (other, &others[..], &at_second, &held[1]);
+                    found.extend(edges::of_surfaces(here, there, patch, &both));
                 }
                 found.extend(pairs);
             }
@@ -352,6 +365,13 @@ impl Simulation {
         }
         contact
     }
+}
+
+/// Nodes of a deformable body at which contacts act, without those that only have a share in a point of a face.
+fn nodes_that_touch(contacts: &[Contact], body: usize) -> BTreeSet<u32> {
+    let sides = contacts.iter().flat_map(|contact| contact.on.iter().zip(&contact.points));
+    let own = sides.filter(|(on, _)| **on == BodyId::Deformable(body)).flat_map(|(_, point)| &point.0);
+    own.filter(|(_, weight)| f64::from(*weight) > AT_NODE).map(|(node, _)| *node).collect()
 }
 
 /// Nodes on one side of a contact.

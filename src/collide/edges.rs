@@ -1,0 +1,182 @@
+//! Contacts of edges that cross: of a box's with those of a deformable body's surface, and of two such surfaces' with each other.
+//!
+//! Corners on faces alone let a bar between two rows of nodes fall through, and crossed bars through each other. Two edges touch where
+//! the line across both lies in both's normal cones ([`Cone`]) and meets both between their ends, and if the surface is as near as that;
+//! the gap is along it. A surface's edges are its cells', without diagonals. An edge at a face whose nodes all touch is held by these;
+//! so only bodies narrower than two cells, and rims, have such contacts. Edges more parallel than [`PARALLEL`] are left to their nodes,
+//! which count as over a face that they miss by as little ([`BESIDE`]).
+//! Units: m.
+
+use super::bodies::contact;
+use super::features::cones::Cone;
+use super::{Contact, Patch, Search};
+use crate::bodies::rigid::Instrument;
+use crate::mesh::{Face, MaterialPoint};
+use crate::scene::BodyId;
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Sine of the angle below which edges count as parallel.
+const PARALLEL: f64 = 0.01;
+/// Share of an edge's length by which its node may lie beside a face and still touch it.
+pub const BESIDE: f64 = PARALLEL;
+/// Largest depth of a pair as a multiple of the depth below the nearest surface; what is deeper belongs to another side of the body.
+const DEEPER: f64 = 1.5;
+/// Set in the feature numbers of pairs of edges; those of nodes and samples are below.
+const PAIR: u64 = 1 << 62;
+
+/// Edge of a surface or of a box.
+struct Edge {
+    ends: [DVec3; 2],
+    /// Of a surface's.
+    nodes: [u32; 2],
+    cone: Cone,
+}
+
+impl Edge {
+    fn at(&self, share: f64) -> DVec3 {
+        self.ends[0].lerp(self.ends[1], share)
+    }
+
+    fn material_point(&self, share: f64) -> MaterialPoint {
+        MaterialPoint::of(self.nodes, [1.0 - share, share])
+    }
+}
+
+/// Edges of faces, without those at a face whose nodes are all `held`.
+fn edges_of(faces: &[Face], position: &impl Fn(u32) -> DVec3, held: &BTreeSet<u32>) -> Vec<Edge> {
+    let touching = faces.iter().filter(|face| face.corners().iter().all(|node| held.contains(node)));
+    let settled: BTreeSet<u32> = touching.flat_map(|face| face.corners().iter().copied()).collect();
+    let mut found: BTreeMap<[u32; 2], Edge> = BTreeMap::new();
+    for face in faces {
+        let corners = face.corners();
+        let at: Vec<DVec3> = corners.iter().map(|node| position(*node)).collect();
+        let [a, b, c, d] = face.nodes.map(position); // of a triangle the last two are one
+        let normal = (c - a).cross(d - b).normalize_or_zero();
+        for (k, from) in corners.iter().enumerate() {
+            let next = (k + 1) % corners.len();
+            let nodes = [*from.min(&corners[next]), *from.max(&corners[next])];
+            if nodes.iter().any(|node| settled.contains(node)) {
+                continue;
+            }
+            let edge =
+                found.entry(nodes).or_insert_with(|| Edge { ends: nodes.map(position), nodes, cone: Cone::default() });
+            edge.cone.normal += normal;
+            edge.cone.outward.push((at[next] - at[k]).cross(normal).normalize_or_zero());
+        }
+    }
+    let mut edges: Vec<Edge> = found.into_values().collect();
+    edges.iter_mut().for_each(|edge| edge.cone.normal = edge.cone.normal.normalize_or_zero());
+    edges
+}
+
+/// The twelve edges of a box.
+fn edges_of_box(of: &Instrument, half: DVec3) -> Vec<Edge> {
+    let axis = |k: usize| of.rotation * DVec3::AXES[k];
+    let edge = |n: usize| {
+        let (k, u, v) = (n / 4, (n / 4 + 1) % 3, (n / 4 + 2) % 3);
+        let [s, t] = [0, 1].map(|bit| if n >> bit & 1 == 0 { -1.0 } else { 1.0 });
+        let (up, side) = (axis(u) * s, axis(v) * t);
+        let middle = of.position + up * half[u] + side * half[v];
+        // across each face's edge, out of it, is the other's normal
+        let cone = Cone { normal: (up + side).normalize(), outward: vec![up, side] };
+        Edge { ends: [middle - axis(k) * half[k], middle + axis(k) * half[k]], nodes: [0; 2], cone }
+    };
+    (0..12).map(edge).collect()
+}
+
+/// Two edges that touch: shares along both, unit normal from the second to the first, gap.
+type Crossing = (f64, f64, DVec3, f64);
+
+/// Where two edges touch, within `reach`; `depth` tells how deep a point of the first is in the second's body.
+fn cross(first: &Edge, second: &Edge, reach: f64, widen: f64, depth: &impl Fn(DVec3) -> f64) -> Option<Crossing> {
+    let (d, e) = (first.ends[1] - first.ends[0], second.ends[1] - second.ends[0]);
+    let across = d.cross(e);
+    if across.length() < PARALLEL * d.length() * e.length() {
+        return None;
+    }
+    // shares at which the line across both meets them
+    let (apart, area) = (second.ends[0] - first.ends[0], across.length_squared());
+    let (u, t) = (apart.cross(e).dot(across) / area, apart.cross(d).dot(across) / area);
+    if !(0.0..=1.0).contains(&u) || !(0.0..=1.0).contains(&t) {
+        return None;
+    }
+    let normal = across.normalize();
+    let normal = if normal.dot(second.cone.normal - first.cone.normal) < 0.0 { -normal } else { normal };
+    let gap = normal.dot(first.at(u) - second.at(t));
+    let admitted = gap < reach && second.cone.admits(normal, widen) && first.cone.admits(-normal, widen);
+    // the surface is about as near
+    let near = admitted && (gap >= 0.0 || -gap <= DEEPER * depth(first.at(u)).max(PARALLEL * reach));
+    near.then_some((u, t, normal, gap))
+}
+
+/// Pairs of edges whose boxes are within reach, by the first's extent along x.
+fn pairs<'a>(first: &'a [Edge], second: &'a [Edge], reach: f64) -> impl Iterator<Item = (usize, usize)> + 'a {
+    let extent = move |edge: &Edge, more: f64| {
+        let [low, high] = [edge.ends[0].min(edge.ends[1]), edge.ends[0].max(edge.ends[1])];
+        (low - DVec3::splat(more), high + DVec3::splat(more))
+    };
+    let boxes: Vec<(DVec3, DVec3)> = second.iter().map(|edge| extent(edge, 0.0)).collect();
+    let mut order: Vec<usize> = (0..second.len()).collect();
+    order.sort_by(|a, b| boxes[*a].0.x.total_cmp(&boxes[*b].0.x));
+    let longest = boxes.iter().map(|(low, high)| high.x - low.x).fold(0.0, f64::max);
+    first.iter().enumerate().flat_map(move |(i, edge)| {
+        let (low, high) = extent(edge, reach);
+        let from = order.partition_point(|j| boxes[*j].0.x < low.x - longest);
+        let along = order[from..].iter().take_while(|j| boxes[**j].0.x <= high.x);
+        let meets = |j: &usize| low.cmple(boxes[*j].1).all() && high.cmpge(boxes[*j].0).all();
+        along.copied().filter(meets).map(|j| (i, j)).collect::<Vec<_>>()
+    })
+}
+
+/// Feature number of a pair of edges, apart from those of nodes and samples: mixed from the numbers that name both.
+fn numbered(of: [u32; 4]) -> usize {
+    const MIX: u64 = 0x9e37_79b9_7f4a_7c15; // odd, 2^64 over the golden ratio
+    let mixed = of.iter().fold(0_u64, |mixed, n| (mixed ^ u64::from(*n)).wrapping_mul(MIX).rotate_left(29));
+    (mixed | PAIR) as usize
+}
+
+/// Contacts of a box's edges with those of a surface around it, whose `held` nodes touch the box; none if the tool is no box.
+pub fn of_box(
+    (rigid, tool): (usize, &Instrument),
+    (number, patch, faces): (usize, &Patch, &[Face]),
+    position: &impl Fn(u32) -> DVec3,
+    held: &BTreeSet<u32>,
+    search: &Search,
+    travel: f64,
+) -> Vec<Contact> {
+    let Some(half) = tool.cuboid else { return vec![] };
+    let (own, skin) = (edges_of_box(tool, half), edges_of(faces, position, held));
+    let reach = search.alarm + search.distance + travel;
+    let depth = |at: DVec3| -patch.project(at).2;
+    let on = [BodyId::Rigid(rigid), BodyId::Deformable(number)];
+    let touch = |(i, j): (usize, usize)| {
+        let (first, second) = (&own[i], &skin[j]);
+        let (u, t, normal, gap) = cross(first, second, reach, search.angle_cone, &depth)?;
+        let feature = numbered([i as u32, 0, second.nodes[0], second.nodes[1]]);
+        let points = [MaterialPoint::default(), second.material_point(t)];
+        Some(Contact { points, ..contact(on, feature, first.at(u), normal, gap, search) })
+    };
+    pairs(&own, &skin, reach).filter_map(touch).collect()
+}
+
+/// Contacts of the edges of two deformable bodies' surfaces, of whose nodes these are `held` by the other; `patch` is the second's.
+pub fn of_surfaces<P: Fn(u32) -> DVec3, Q: Fn(u32) -> DVec3>(
+    (first, faces, position, held): (usize, &[Face], &P, &BTreeSet<u32>),
+    (second, others, at, touched): (usize, &[Face], &Q, &BTreeSet<u32>),
+    patch: &Patch,
+    search: &Search,
+) -> Vec<Contact> {
+    let (own, theirs) = (edges_of(faces, position, held), edges_of(others, at, touched));
+    let reach = search.alarm + search.distance;
+    let depth = |at: DVec3| -patch.project(at).2;
+    let on = [BodyId::Deformable(first), BodyId::Deformable(second)];
+    let touch = |(i, j): (usize, usize)| {
+        let (one, two) = (&own[i], &theirs[j]);
+        let (u, t, normal, gap) = cross(one, two, reach, search.angle_cone, &depth)?;
+        let feature = numbered([one.nodes[0], one.nodes[1], two.nodes[0], two.nodes[1]]);
+        let points = [one.material_point(u), two.material_point(t)];
+        Some(Contact { points, ..contact(on, feature, one.at(u), normal, gap, search) })
+    };
+    pairs(&own, &theirs, reach).filter_map(touch).collect()
+}
