@@ -20,6 +20,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const PARALLEL: f64 = 0.01;
 /// Share of an edge's length by which its node may lie beside a face and still touch it.
 pub const BESIDE: f64 = PARALLEL;
+/// Share of an edge within which a contact at its end stands for one on the edge.
+const AT_END: f64 = 0.25;
 /// Largest depth of a pair as a multiple of the depth below the nearest surface; what is deeper belongs to another side of the body.
 const DEEPER: f64 = 1.5;
 /// Set in the feature numbers of pairs of edges; those of nodes and samples are below.
@@ -30,12 +32,19 @@ struct Edge {
     ends: [DVec3; 2],
     /// Of a surface's.
     nodes: [u32; 2],
+    /// Whether a contact is at the end already.
+    held: [bool; 2],
     cone: Cone,
 }
 
 impl Edge {
     fn at(&self, share: f64) -> DVec3 {
         self.ends[0].lerp(self.ends[1], share)
+    }
+
+    /// Whether a contact at an end stands for one at this share of the edge.
+    fn has_near(&self, share: f64) -> bool {
+        self.held[0] && share < AT_END || self.held[1] && share > 1.0 - AT_END
     }
 
     fn material_point(&self, share: f64) -> MaterialPoint {
@@ -59,8 +68,12 @@ fn edges_of(faces: &[Face], position: &impl Fn(u32) -> DVec3, held: &BTreeSet<u3
             if nodes.iter().any(|node| settled.contains(node)) {
                 continue;
             }
-            let edge =
-                found.entry(nodes).or_insert_with(|| Edge { ends: nodes.map(position), nodes, cone: Cone::default() });
+            let edge = found.entry(nodes).or_insert_with(|| Edge {
+                ends: nodes.map(position),
+                nodes,
+                held: nodes.map(|node| held.contains(&node)),
+                cone: Cone::default(),
+            });
             edge.cone.normal += normal;
             edge.cone.outward.push((at[next] - at[k]).cross(normal).normalize_or_zero());
         }
@@ -80,7 +93,7 @@ fn edges_of_box(of: &Instrument, half: DVec3) -> Vec<Edge> {
         let middle = of.position + up * half[u] + side * half[v];
         // across each face's edge, out of it, is the other's normal
         let cone = Cone { normal: (up + side).normalize(), outward: vec![up, side] };
-        Edge { ends: [middle - axis(k) * half[k], middle + axis(k) * half[k]], nodes: [0; 2], cone }
+        Edge { ends: [middle - axis(k) * half[k], middle + axis(k) * half[k]], nodes: [0; 2], held: [false; 2], cone }
     };
     (0..12).map(edge).collect()
 }
@@ -98,7 +111,8 @@ fn cross(first: &Edge, second: &Edge, reach: f64, widen: f64, depth: &impl Fn(DV
     // shares at which the line across both meets them
     let (apart, area) = (second.ends[0] - first.ends[0], across.length_squared());
     let (u, t) = (apart.cross(e).dot(across) / area, apart.cross(d).dot(across) / area);
-    if !(0.0..=1.0).contains(&u) || !(0.0..=1.0).contains(&t) {
+    let within = |of: &Edge, share: f64| (0.0..=1.0).contains(&share) && !of.has_near(share);
+    if !within(first, u) || !within(second, t) {
         return None;
     }
     let normal = across.normalize();

@@ -1,7 +1,7 @@
 //! Notes on a valid scene: what runs, but is seldom meant.
 
-use super::{BodyId, LoadKind, Region, Scene, Skin};
-use glam::DVec3;
+use super::{BodyId, LoadKind, Pose, Region, Scene, Skin, Tool};
+use glam::{DQuat, DVec3};
 
 /// Share of a step by which a duration may miss a multiple of it; decimal numbers of the file are rounded to 10⁻¹⁶ of their value.
 const WHOLE: f64 = 1e-6;
@@ -19,9 +19,31 @@ struct Extent {
     radius: f64,
 }
 
+impl Tool {
+    /// Whether its hand leads a blade against the way that its edge faces: by more, over all, than a tenth of what it moves along that way.
+    fn led_backward(&self) -> bool {
+        let Some(blade) = &self.blade else { return false };
+        let [tip, heel] =
+            [blade.edge.first(), blade.edge.last()].map(|end| DVec3::from_array(*end.unwrap_or(&[0.0; 3])));
+        let forward = DVec3::from_array(blade.normal).cross(heel - tip).normalize_or_zero();
+        let middle = (tip + heel) * 0.5;
+        let pose = |pose: &Pose| {
+            let turn = DQuat::from_array(pose.rotation);
+            (DVec3::from_array(pose.position) + turn * middle, turn * forward)
+        };
+        let steps = self.trajectory.windows(2).map(|pair| {
+            let [(from, facing), (to, _)] = [&pair[0], &pair[1]].map(pose);
+            (to - from).dot(facing)
+        });
+        let (over_all, moved) = steps.fold((0.0, 0.0), |(sum, moved), step| (sum + step, moved + step.abs()));
+        over_all < -0.1 * moved
+    }
+}
+
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late. A body that nothing pushes may float.
+    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that is led backward. A body that nothing
+    /// pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
         let (steps, time) = (self.time.duration / self.time.step, &self.time);
@@ -46,6 +68,13 @@ impl Scene {
         for load in self.loads.iter().filter(|load| load.start >= time.duration) {
             let (start, end) = (load.start, time.duration);
             out.push(format!("a load starts at {start} s, when the run of {end} s is over"));
+        }
+        for tool in self.tools.iter().filter(|tool| tool.led_backward()) {
+            out.push(format!(
+                "`{}` is led backward: its edge faces normal × (heel − tip), against most of its way; write its normal with the other sign, \
+                 or it cuts nothing",
+                tool.name
+            ));
         }
         let kept = self.kept();
         for (number, id) in self.movable().into_iter().enumerate() {

@@ -6,6 +6,7 @@ mod breaking;
 mod broad;
 mod carving;
 mod contact_laws;
+mod crossing;
 #[path = "../shared/crumbs.rs"]
 mod crumbs;
 mod cut;

@@ -160,6 +160,16 @@ fn nearly_incompressible_tetrahedra_are_noted() {
 }
 
 #[test]
+fn a_blade_that_is_led_backward_is_noted() {
+    let mut skin = scene(&folder().join("incision.toml"));
+    assert_eq!(skin.notes(), [""; 0]);
+    let blade = skin.tools[0].blade.as_mut().expect("a scalpel has one");
+    blade.normal = blade.normal.map(|c| -c);
+    let notes = skin.notes();
+    assert!(notes.len() == 1 && notes[0].contains("`scalpel` is led backward"), "{notes:?}");
+}
+
+#[test]
 fn scenes_of_the_repository_have_no_notes() {
     for (name, path) in files() {
         let notes = scene(&path).notes();
