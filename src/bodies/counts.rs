@@ -1,5 +1,6 @@
 //! Counts of a body's arrays, without the arrays.
 
+use super::rest_springs;
 use super::springs::Springs;
 use crate::mesh::Grid;
 use crate::scene::{Law, Scene};
@@ -22,7 +23,7 @@ impl Counts {
     /// Goes over the nodes of a body and keeps nothing of them.
     pub fn new(scene: &Scene, body: usize, grid: &Grid) -> Self {
         let boundaries: Vec<_> = scene.boundaries.iter().filter(|b| b.body == body).collect();
-        let rest_springs: Vec<_> = scene.rest_springs.iter().filter(|a| a.body == body).collect();
+        let rest_springs = rest_springs::of_body(scene, body, grid);
         let springs = match scene.skins[body].law {
             Law::Springs { .. } => Springs::count(grid),
             _ => 0,

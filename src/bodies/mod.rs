@@ -41,7 +41,7 @@ use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::{Carved, Grid, MaterialPoint, Unstructured};
-use crate::scene::{Law, Layer, MOST_NODES, Mass, Region, RestSpring, Scene, Skin};
+use crate::scene::{Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
@@ -290,7 +290,7 @@ impl Model {
         {
             law.fill(&model.grid, &skin.layers);
         }
-        let rest_springs: Vec<RestSpring> = scene.rest_springs.iter().filter(|a| a.body == body).cloned().collect();
+        let rest_springs = rest_springs::of_body(scene, body, &model.grid);
         model.rest_springs = RestSprings::new(&rest_springs, |spring| model.grid.nodes_in(&spring.region));
         model.set_masses(&skin.layers);
         model.hold(scene);

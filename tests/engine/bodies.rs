@@ -453,3 +453,32 @@ fn a_tie_to_a_place_leaves_contact_with_a_wall() {
     let last = &reports.last().expect("there was a step").probes;
     assert!(last[0] > -0.2e-3 && last[1] > 0.0, "{last:?}");
 }
+
+/// Displacement of a point near the free end of a slab of layered skin that hangs from one side, m, and the warnings on the way.
+fn hung(by: &str) -> (f64, usize) {
+    let layer = |name: &str, thickness: f64, cells: u32, young: f64| {
+        format!(
+            "[[skin.layer]]\nname = \"{name}\"\nthickness_mm = {thickness}\ncells = {cells}\nyoung_kpa = {young}\npoisson = 0.45\n\
+             density_kg_m3 = 1100\n"
+        )
+    };
+    let text = format!(
+        "title = \"hung\"\n[time]\nstep_ms = 5\nduration_s = 0.1\n[solver]\ntolerance = 1e-4\n[skin]\nsize_mm = [20, 20]\ncells = [10, 12]\n\
+         {}{}{}[[{by}]]\nregion = \"side_x_min\"\n[contact]\nfriction = 0.3\nalarm_mm = 0.2\nmax_contacts = 500\n[[probe]]\nname = \"end\"\n\
+         kind = \"displacement\"\npoint_mm = [9, 0, 2]\naxis = \"z\"\n",
+        layer("fat", 1.2, 2, 34.0),
+        layer("dermis", 1.0, 2, 200.0),
+        layer("epidermis", 0.1, 1, 1000.0)
+    );
+    let mut simulation = Simulation::new(&scene(&text), &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let reports = (0..20).map(|_| simulation.step(false).expect("the CPU path has no device to fail"));
+    reports.fold((0.0, 0), |(_, warnings), report| (report.probes[0], warnings + report.warnings.len()))
+}
+
+/// Its nodes are stiff among each other and loose as a whole: their compliance alone tells little of the former.
+#[test]
+fn a_side_that_is_attached_hangs_as_one_that_is_held() {
+    let [(held, _), (attached, warnings)] = ["boundary", "attach"].map(hung);
+    assert_eq!(warnings, 0);
+    assert!(held < -2e-3 && apart(attached, held) < 2e-3, "{attached} and {held} m");
+}

@@ -49,6 +49,10 @@ const SLOW: f64 = 0.5;
 /// Residual of a late step's last pass, in energy and relative to that of the best one, above which the best one is worth a correction more.
 const FAR_BETTER: f64 = 4.0;
 
+/// Residual of a pass, in energy and relative to that of the best one, above which no further pass comes back. (Those of a side of layered
+/// skin that `[[attach]]` tied went to 10³⁴ N in ten; a correction that starts there is lost.)
+const RAN_AWAY: f64 = 1e4;
+
 /// A pass that changes the forces by less than one part in [`FINE`] solves its correction to a proportionally smaller tolerance, at least
 /// [`FINEST`] of it: a small change is visible only so.
 const FINE: f64 = 10.0;
@@ -260,12 +264,13 @@ impl Simulation {
             if late && !best.as_ref().is_some_and(far_better) {
                 break pass;
             }
-            let lambda = pass.next.clone();
+            let (lambda, left) = (pass.next.clone(), pass.residual.energy);
             if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
                 best = Some(pass);
             }
             // passes or time used up: take the best one
-            exhausted = !late && report.contact.passes >= law.max_passes;
+            let ran_away = |best: &Pass| left > RAN_AWAY * best.residual.energy;
+            exhausted = !late && (report.contact.passes >= law.max_passes || best.as_ref().is_some_and(ran_away));
             if let Some(best) = best.take_if(|_| late || exhausted) {
                 // the backends hold the correction of the last pass
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
