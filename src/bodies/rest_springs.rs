@@ -25,22 +25,29 @@ pub fn rate(step: &Step) -> f64 {
     step.stiffness_factor() / step.inertia()
 }
 
-/// Rest-shape springs of a body: the scene's, and one at each node that `[[attach]]` ties to the world or a wall.
+/// Stiffness of the rest-shape spring at each node that `[[attach]]` ties to the world or a wall, N/m; 0 for other ties, and with a consistent
+/// mass matrix, which has no diagonal to add it to.
 ///
-/// Where the tie holds these exert nothing, so they change no result: they are the augmented Lagrangian's (Hestenes, Powell 1969). Without
+/// Where the tie holds they exert nothing, so they change no result: they are the augmented Lagrangian's (Hestenes, Powell 1969). Without
 /// them the compliance of a body that ties alone hold is that of one that floats, and what its nodes move relative to each other is lost in
 /// it: 78 nodes of a side of layered skin used up their passes from the fourth step on, and the skin was thrown. With 1, 10, 100 and 1000 N/m
-/// a node: thrown, 2.6, 2.1 and 1.95 passes. They are as stiff as a cell of the stiffest layer; with a consistent mass there are none.
+/// a node: thrown, 2.6, 2.1 and 1.95 passes. They are as stiff as a cell of the stiffest layer.
+pub fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
+    let skin = &scene.skins[tie.body];
+    let still = matches!(tie.to, BodyId::World | BodyId::Plane(_)) && tie.slide.is_none();
+    if !still || skin.mass == Mass::Consistent {
+        return 0.0;
+    }
+    let width = grid.unstructured.as_ref().map_or(grid.edge[0].max(grid.edge[1]), |of| of.mesh.cell_width());
+    skin.layers.iter().map(|layer| layer.young).fold(0.0, f64::max) * width
+}
+
+/// Rest-shape springs of a body: the scene's, and those of ties.
 pub fn of_body(scene: &Scene, body: usize, grid: &Grid) -> Vec<RestSpring> {
     let own = scene.rest_springs.iter().filter(|spring| spring.body == body).cloned();
-    let width = grid.unstructured.as_ref().map_or(grid.edge[0].max(grid.edge[1]), |of| of.mesh.cell_width());
-    let stiffest = scene.skins[body].layers.iter().map(|layer| layer.young).fold(0.0, f64::max);
-    // a consistent mass matrix has no diagonal to add them to
-    let lumped = scene.skins[body].mass != Mass::Consistent;
-    let still = |tie: &&Attachment| lumped && matches!(tie.to, BodyId::World | BodyId::Plane(_)) && tie.slide.is_none();
-    let ties = scene.attachments.iter().filter(|tie| tie.body == body).filter(still);
-    let of_tie = |tie: &Attachment| RestSpring { body, region: tie.region.clone(), stiffness: stiffest * width };
-    own.chain(ties.map(of_tie)).collect()
+    let ties = scene.attachments.iter().filter(|tie| tie.body == body);
+    let ties = ties.map(|tie| RestSpring { body, region: tie.region.clone(), stiffness: of_tie(scene, tie, grid) });
+    own.chain(ties.filter(|spring| spring.stiffness > 0.0)).collect()
 }
 
 impl RestSprings {

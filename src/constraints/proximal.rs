@@ -123,7 +123,13 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
         sweep_plainly(laws, w, free, &mut best, PLAIN_FIRST, effort, &mut ended);
         force.copy_from_slice(&best);
     }
+    let mut left = f64::NAN;
     while !ended.converged && ended.updates < effort.updates {
+        // the largest share from the same forces again would end the same way
+        if share == MOST && unsolved == Some(MOST) && ended.residual.energy == left {
+            break;
+        }
+        left = ended.residual.energy;
         // solve the problem with added compliance; keep the best iterate
         add_compliance(w, free, force, share, &mut near, &mut shifted);
         let settled = settle(laws, &near, &shifted, force, effort, &mut ended);

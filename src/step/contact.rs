@@ -169,8 +169,13 @@ impl Simulation {
         self.move_tools(&problem, &lambda, report);
         self.publish_reduced(&problem, &slips, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
-        let by_contact = problem.rows.by_contact(&lambda);
+        let mut by_contact = problem.rows.by_contact(&lambda);
         let contact_forces = contacts.iter().zip(&by_contact).map(|(c, f)| (c.id(), c.in_world(*f))).collect();
+        // ties come last; what they leave open, springs bear
+        let solved = contacts.iter().zip(&slips).zip(&mut by_contact);
+        for (tie, ((contact, slip), forces)) in self.ties.iter().rev().zip(solved.rev()) {
+            tie.add_spring(contact, *slip, forces);
+        }
         report.contact.slips = slips;
         report.contact.contacts = contacts;
         report.contact.forces = by_contact;

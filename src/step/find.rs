@@ -2,7 +2,8 @@
 
 use super::contact::ContactReport;
 use super::{Body, Refused, Simulation, StepReport};
-use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
+use crate::bodies::of_tie;
+use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::collide::sides::{Last, Sides};
 use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, edges, features, lips, round};
 use crate::constraints::Law;
@@ -27,9 +28,16 @@ pub(super) struct Tie {
     contact: Contact,
     /// Attachment point on the second body: in the frame of a rigid body, in the world for a wall or the world.
     attachment_point: DVec3,
+    /// Of the rest-shape spring beside the tie, N/m: what is open of the tie it bears.
+    stiffness: f64,
 }
 
 impl Tie {
+    /// Adds what the spring beside the tie bears to its forces, N, where its contact has moved by `slip`, m.
+    pub fn add_spring(&self, contact: &Contact, slip: DVec3, forces: &mut [f64; 3]) {
+        (0..3).for_each(|k| forces[k] -= self.stiffness * (contact.gap[k] + contact.axes[k].dot(slip)));
+    }
+
     /// Registers the tie's nodes with their bodies, and each in the list of tied nodes: other body, own body, node.
     pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(BodyId, usize, u32)>) {
         for side in 0..2 {
@@ -146,8 +154,10 @@ impl Simulation {
             let moved = h * (tool.velocity.length() + tool.angular_velocity.length() * tool.span())
                 + self.bodies[sample.1].travel;
             // a piece of edge that has cut stands in its own cut, at most a cell from the walls, and leads those beside it out of it
+            let of_edge = |k: usize| tool.samples.get(k).is_some_and(|s| matches!(s.role, Role::Edge { .. }));
             let beside = contact.feature.saturating_sub(1)..=contact.feature + 1;
-            let own_cut = beside.into_iter().any(|feature| self.fronts.contains_key(&(sample.0, feature)));
+            let own_cut =
+                of_edge(contact.feature) && beside.into_iter().any(|k| self.fronts.contains_key(&(sample.0, k)));
             let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm
@@ -396,6 +406,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
         };
         let nodes = model.nodes_in(&attachment.region);
         let (axes, law) = rows(attachment, nodes.len());
+        let stiffness = of_tie(scene, attachment, &model.grid);
         for node in nodes {
             let at = DVec3::from_array(model.rest[node as usize]);
             let apart = |distance: f64| Refused::TiedToNothing {
@@ -414,7 +425,9 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
                 depth: 0.0,
                 law,
             };
-            out.push(Tie { contact, attachment_point });
+            // a prescribed node moves the spring, not the spring the node
+            let prescribed = model.free[node as usize][..3].contains(&0.0);
+            out.push(Tie { contact, attachment_point, stiffness: if prescribed { 0.0 } else { stiffness } });
         }
     }
     Ok(out)

@@ -28,6 +28,12 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Shift of what an edge has swept, in widths of a cell. A blade led exactly through centres of cells, or through nodes of springs, as in the
+/// plane of symmetry of a patch, would sever the links on either side of them, whichever their least motion decides: 44 in place of 40 in a
+/// cut of 11 mm on 25 × 25 cells, 54 in place of 37 where the skin is drawn, in a zigzag whose lips lock. No two components alike, for cuts
+/// aslant.
+const ASIDE: [f64; 3] = [0.01, 0.007, 0.0045];
+
 /// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
 pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
 
@@ -289,7 +295,9 @@ impl Simulation {
         for number in 0..self.bodies.len() {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
-            let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
+            let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
+            let moved = |quad: &V3<f64>| (DVec3::from_array(*quad) + aside).to_array();
+            let hits = body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
             self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
         Ok(())
