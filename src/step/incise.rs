@@ -296,7 +296,7 @@ impl Simulation {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
-            let moved = |quad: &V3<f64>| (DVec3::from_array(*quad) + aside).to_array();
+            let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
             let hits = body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
             self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
