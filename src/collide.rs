@@ -71,6 +71,20 @@ impl Contact {
         }
     }
 
+    /// Contact with friction at a point; the material points are still to be set.
+    fn between(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Self {
+        Self {
+            on,
+            points: [MaterialPoint::default(), MaterialPoint::default()],
+            feature,
+            point,
+            axes: frame(normal),
+            gap: [gap - search.distance, 0.0, 0.0],
+            depth: (-gap).max(0.0),
+            law: Law::contact(search.friction),
+        }
+    }
+
     /// Vector from components along its axes.
     pub fn in_world(&self, along: [f64; 3]) -> DVec3 {
         self.axes[0] * along[0] + self.axes[1] * along[1] + self.axes[2] * along[2]

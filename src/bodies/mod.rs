@@ -30,7 +30,7 @@ pub use energy::{
 };
 pub use paths::Paths;
 pub use refused::Refused;
-pub use rest_springs::{RestSprings, of_tie, rate};
+pub use rest_springs::{RestSprings, rate};
 pub use step::Step;
 pub use wound::{Loose, Removal, Totals, Wound};
 

@@ -32,7 +32,7 @@ pub fn rate(step: &Step) -> f64 {
 /// them the compliance of a body that ties alone hold is that of one that floats, and what its nodes move relative to each other is lost in
 /// it: 78 nodes of a side of layered skin used up their passes from the fourth step on, and the skin was thrown. With 1, 10, 100 and 1000 N/m
 /// a node: thrown, 2.6, 2.1 and 1.95 passes. They are as stiff as a cell of the stiffest layer.
-pub fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
+fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
     let skin = &scene.skins[tie.body];
     let still = matches!(tie.to, BodyId::World | BodyId::Plane(_)) && tie.slide.is_none();
     if !still || skin.mass == Mass::Consistent {
@@ -40,6 +40,13 @@ pub fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
     }
     let width = grid.unstructured.as_ref().map_or(grid.edge[0].max(grid.edge[1]), |of| of.mesh.cell_width());
     skin.layers.iter().map(|layer| layer.young).fold(0.0, f64::max) * width
+}
+
+impl Model {
+    /// Stiffness of the rest-shape spring at each node of a tie of this body, N/m; 0 without.
+    pub fn stiffness_of_tie(&self, scene: &Scene, tie: &Attachment) -> f64 {
+        of_tie(scene, tie, &self.grid)
+    }
 }
 
 /// Rest-shape springs of a body: the scene's, and those of ties.

@@ -7,9 +7,8 @@
 
 use super::convex::{self, Cuboid, Point};
 use super::edges::BESIDE;
-use super::{Contact, Patch, Search, frame};
+use super::{Contact, Patch, Search};
 use crate::bodies::rigid::{Instrument, Role};
-use crate::constraints::Law;
 use crate::mesh::Face;
 use crate::mesh::MaterialPoint;
 use crate::scene::{BodyId, Plane};
@@ -18,27 +17,6 @@ use std::collections::BTreeMap;
 
 /// Cosine below which faces do not face each other: the sides of two blocks stacked on each other do not touch.
 const FACING: f64 = 0.1;
-
-/// Contact with friction at a point; the material points are still to be set.
-pub(super) fn contact(
-    on: [BodyId; 2],
-    feature: usize,
-    point: DVec3,
-    normal: DVec3,
-    gap: f64,
-    search: &Search,
-) -> Contact {
-    Contact {
-        on,
-        points: [MaterialPoint::default(), MaterialPoint::default()],
-        feature,
-        point,
-        axes: frame(normal),
-        gap: [gap - search.distance, 0.0, 0.0],
-        depth: (-gap).max(0.0),
-        law: Law::contact(search.friction),
-    }
-}
 
 /// Contacts of a rigid body with a wall; `travel` bounds a sample's motion in the step, m.
 pub fn with_plane(
@@ -58,7 +36,7 @@ pub fn with_plane(
         };
         let point = tool.at(sample.position) - normal * radius;
         let gap = normal.dot(point - through);
-        (gap < search.alarm + search.distance + travel).then(|| contact(on, index, point, normal, gap, search))
+        (gap < search.alarm + search.distance + travel).then(|| Contact::between(on, index, point, normal, gap, search))
     };
     tool.samples.iter().enumerate().filter_map(sample).collect()
 }
@@ -84,7 +62,7 @@ pub fn between_rigid(
             let points = meet((a, &part), (b, other), reach).into_iter().take(MAX_POINTS);
             for (k, (point, normal, gap)) in points.enumerate() {
                 if gap < reach {
-                    out.push(contact(on, feature + k, point, normal, gap, search));
+                    out.push(Contact::between(on, feature + k, point, normal, gap, search));
                 }
             }
         }
@@ -174,7 +152,7 @@ pub fn skin_on_plane(
         let point = position(node);
         let gap = normal.dot(point - through);
         if gap < search.alarm + search.distance {
-            let found = contact(on, node as usize, point, normal, gap, search);
+            let found = Contact::between(on, node as usize, point, normal, gap, search);
             out.push(Contact { points: [MaterialPoint::node(node), MaterialPoint::default()], ..found });
         }
     }
@@ -203,7 +181,7 @@ pub fn skin_on_box(
         let looks = normal.dot(outward) > FACING * outward.length();
         if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
             // numbered after the box's own corners
-            let found = contact(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
+            let found = Contact::between(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
             out.push(Contact { points: [MaterialPoint::default(), MaterialPoint::node(node)], ..found });
         }
     }
@@ -234,7 +212,7 @@ pub fn skin_on_skin(
         if beside.length() > slack || skip.iter().any(|p| p.distance(point) < same) {
             continue; // over the rim, or a node of the other body is here
         }
-        let found = contact(on, node as usize, point, normal, normal.dot(point - nearest), search);
+        let found = Contact::between(on, node as usize, point, normal, normal.dot(point - nearest), search);
         out.push(Contact { points: [MaterialPoint::node(node), patch.material_point(triangle, weights)], ..found });
     }
     out

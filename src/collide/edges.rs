@@ -7,7 +7,6 @@
 //! which count as over a face that they miss by as little ([`BESIDE`]).
 //! Units: m.
 
-use super::bodies::contact;
 use super::features::cones::Cone;
 use super::{Contact, Patch, Search};
 use crate::bodies::rigid::Instrument;
@@ -169,7 +168,7 @@ pub fn of_box(
         let (u, t, normal, gap) = cross(first, second, reach, search.angle_cone, &depth)?;
         let feature = numbered([i as u32, 0, second.nodes[0], second.nodes[1]]);
         let points = [MaterialPoint::default(), second.material_point(t)];
-        Some(Contact { points, ..contact(on, feature, first.at(u), normal, gap, search) })
+        Some(Contact { points, ..Contact::between(on, feature, first.at(u), normal, gap, search) })
     };
     pairs(&own, &skin, reach).filter_map(touch).collect()
 }
@@ -190,7 +189,7 @@ pub fn of_surfaces<P: Fn(u32) -> DVec3, Q: Fn(u32) -> DVec3>(
         let (u, t, normal, gap) = cross(one, two, reach, search.angle_cone, &depth)?;
         let feature = numbered([one.nodes[0], one.nodes[1], two.nodes[0], two.nodes[1]]);
         let points = [one.material_point(u), two.material_point(t)];
-        Some(Contact { points, ..contact(on, feature, one.at(u), normal, gap, search) })
+        Some(Contact { points, ..Contact::between(on, feature, one.at(u), normal, gap, search) })
     };
     pairs(&own, &theirs, reach).filter_map(touch).collect()
 }

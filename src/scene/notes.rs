@@ -19,23 +19,35 @@ struct Extent {
     radius: f64,
 }
 
+impl Skin {
+    /// Whether a point is within its extent at rest.
+    fn reaches(&self, point: DVec3) -> bool {
+        let half = DVec3::new(0.5 * self.size[0], 0.5 * self.size[1], 0.5 * self.thickness());
+        let from_centre = point - DVec3::from_array(self.position) - DVec3::Z * half.z;
+        from_centre.abs().cmple(half).all()
+    }
+}
+
 impl Tool {
-    /// Whether its hand leads a blade against the way that its edge faces: by more, over all, than a tenth of what it moves along that way.
-    fn led_backward(&self) -> bool {
+    /// Whether its hand leads a blade through skin against the way that its edge faces: by more, over all, than a tenth of what it moves along that way.
+    fn led_backward(&self, skins: &[Skin]) -> bool {
         let Some(blade) = &self.blade else { return false };
         let [tip, heel] =
             [blade.edge.first(), blade.edge.last()].map(|end| DVec3::from_array(*end.unwrap_or(&[0.0; 3])));
         let forward = DVec3::from_array(blade.normal).cross(heel - tip).normalize_or_zero();
-        let middle = (tip + heel) * 0.5;
-        let pose = |pose: &Pose| {
-            let turn = DQuat::from_array(pose.rotation);
-            (DVec3::from_array(pose.position) + turn * middle, turn * forward)
+        let at =
+            |pose: &Pose, point: DVec3| DVec3::from_array(pose.position) + DQuat::from_array(pose.rotation) * point;
+        let step = |pair: &[Pose]| {
+            let inside = [tip, heel].iter().any(|end| skins.iter().any(|skin| skin.reaches(at(&pair[0], *end))));
+            let middle = (tip + heel) * 0.5;
+            let moved = at(&pair[1], middle) - at(&pair[0], middle);
+            if inside { moved.dot(DQuat::from_array(pair[0].rotation) * forward) } else { 0.0 }
         };
-        let steps = self.trajectory.windows(2).map(|pair| {
-            let [(from, facing), (to, _)] = [&pair[0], &pair[1]].map(pose);
-            (to - from).dot(facing)
-        });
-        let (over_all, moved) = steps.fold((0.0, 0.0), |(sum, moved), step| (sum + step, moved + step.abs()));
+        let (over_all, moved) = self
+            .trajectory
+            .windows(2)
+            .map(step)
+            .fold((0.0, 0.0), |(sum, moved), step| (sum + step, moved + step.abs()));
         over_all < -0.1 * moved
     }
 }
@@ -69,7 +81,7 @@ impl Scene {
             let (start, end) = (load.start, time.duration);
             out.push(format!("a load starts at {start} s, when the run of {end} s is over"));
         }
-        for tool in self.tools.iter().filter(|tool| tool.led_backward()) {
+        for tool in self.tools.iter().filter(|tool| tool.led_backward(&self.skins)) {
             out.push(format!(
                 "`{}` is led backward: its edge faces normal × (heel − tip), against most of its way; write its normal with the other sign, \
                  or it cuts nothing",

@@ -2,7 +2,6 @@
 
 use super::contact::ContactReport;
 use super::{Body, Refused, Simulation, StepReport};
-use crate::bodies::of_tie;
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::collide::sides::{Last, Sides};
 use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, edges, features, lips, round};
@@ -406,7 +405,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
         };
         let nodes = model.nodes_in(&attachment.region);
         let (axes, law) = rows(attachment, nodes.len());
-        let stiffness = of_tie(scene, attachment, &model.grid);
+        let stiffness = model.stiffness_of_tie(scene, attachment);
         for node in nodes {
             let at = DVec3::from_array(model.rest[node as usize]);
             let apart = |distance: f64| Refused::TiedToNothing {

@@ -297,7 +297,9 @@ impl Simulation {
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
             let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
-            let hits = body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
+            let mut hits =
+                body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
+            hits.iter_mut().for_each(|hit| body.move_back(hit, aside));
             self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
         Ok(())
@@ -335,6 +337,18 @@ impl Simulation {
 }
 
 impl Body {
+    /// Moves a hit along its link to where it is without a shift of the blade; the lips' surface goes through it.
+    fn move_back(&self, hit: &mut Hit<f64>, aside: DVec3) {
+        if self.model.elements().spring_count > 0 {
+            return; // springs are removed whole
+        }
+        let rest = |node: usize| DVec3::from_array(self.wound.rest[node]);
+        let centre = |cell: usize| self.wound.surface.corners_of(cell).map(rest).iter().sum::<DVec3>() * 0.125;
+        let [from, to] = self.wound.surface.ends_of_link(hit.segment as usize).map(centre);
+        let along = to - from;
+        hit.at = (hit.at - aside.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    }
+
     /// Cuts links or springs at these hits; returns how many were cut.
     ///
     /// # Errors

