@@ -338,7 +338,21 @@ impl Simulation {
                 }
             }
         }
+        // skin that is held against a wall rests on what holds it
+        found.retain(|contact| (0..2).any(|side| self.gives_way(contact, side)));
         (found, sides)
+    }
+
+    /// Whether one side of a contact can move along its normal.
+    fn gives_way(&self, contact: &Contact, side: usize) -> bool {
+        match contact.on[side] {
+            BodyId::Rigid(_) => true,
+            BodyId::Deformable(number) => contact_nodes(contact, side).any(|node| {
+                let [x, y, z, _] = self.bodies[number].wound.free[node as usize];
+                (DVec3::new(x, y, z) * contact.axes[0]).length_squared() > 1e-12
+            }),
+            BodyId::Plane(_) | BodyId::World => false,
+        }
     }
 
     /// Whether a contact acts on a node that is already tied to the other body.

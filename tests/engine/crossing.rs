@@ -30,7 +30,11 @@ fn after(steps: u32, text: &str) -> (Simulation, f64) {
     let files = Files::Embedded(&[("still.csv", STILL), ("blade.obj", BLADE)]);
     let scene = parse(text, Path::new("crossing.toml"), &files).unwrap_or_else(|e| panic!("{e}"));
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
-    let mut step = || simulation.step(false).expect("the CPU path has no device to fail");
+    let mut step = || {
+        let report = simulation.step(false).expect("the CPU path has no device to fail");
+        assert!(report.warnings.is_empty(), "at {} s: {:?}", report.time, report.warnings);
+        report
+    };
     let last = (0..steps).map(|_| step()).last().expect("there are steps");
     let probe = last.probes.first().copied().unwrap_or(0.0);
     (simulation, probe)
