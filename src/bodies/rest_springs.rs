@@ -8,7 +8,7 @@
 use super::{Model, Step};
 use crate::math::{V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{Attachment, BodyId, Mass, RestSpring, Scene};
+use crate::scene::{Attachment, BodyId, Integrator, Mass, RestSpring, Scene};
 use std::collections::BTreeMap;
 
 /// Rest-shape springs of a body.
@@ -25,8 +25,8 @@ pub fn rate(step: &Step) -> f64 {
     step.stiffness_factor() / step.inertia()
 }
 
-/// Stiffness of the rest-shape spring at each node that `[[attach]]` ties to the world or a wall, N/m; 0 for other ties, and with a consistent
-/// mass matrix, which has no diagonal to add it to.
+/// Stiffness of the rest-shape spring at each node that `[[attach]]` ties to the world or a wall, where ties alone hold the body, N/m; 0 for
+/// other ties, in explicit steps, and with a consistent mass matrix, which has no diagonal to add it to.
 ///
 /// Where the tie holds they exert nothing, so they change no result: they are the augmented Lagrangian's (Hestenes, Powell 1969). Without
 /// them the compliance of a body that ties alone hold is that of one that floats, and what its nodes move relative to each other is lost in
@@ -34,8 +34,11 @@ pub fn rate(step: &Step) -> f64 {
 /// a node: thrown, 2.6, 2.1 and 1.95 passes. They are as stiff as a cell of the stiffest layer.
 fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
     let skin = &scene.skins[tie.body];
-    let still = matches!(tie.to, BodyId::World | BodyId::Plane(_)) && tie.slide.is_none();
-    if !still || skin.mass == Mass::Consistent {
+    let held = scene.boundaries.iter().any(|of| of.body == tie.body)
+        || scene.rest_springs.iter().any(|of| of.body == tie.body);
+    let still = !held && matches!(tie.to, BodyId::World | BodyId::Plane(_)) && tie.slide.is_none();
+    let explicit = scene.time.integrator == Integrator::SymplecticEuler; // its critical step would be shorter
+    if !still || explicit || skin.mass == Mass::Consistent {
         return 0.0;
     }
     let width = grid.unstructured.as_ref().map_or(grid.edge[0].max(grid.edge[1]), |of| of.mesh.cell_width());

@@ -174,14 +174,20 @@ pub fn skin_on_box(
         let point = position(node);
         let local = tool.rotation.inverse() * (point - tool.position);
         let out_of = local.abs() - half; // distance beyond each pair of faces
-        let axis = out_of.max_position();
         let slack = BESIDE * outward.length().sqrt(); // by about the length of its edges
-        let beside = (0..3).any(|n| n != axis && out_of[n] > slack);
-        let normal = -(tool.rotation * (DVec3::AXES[axis] * local[axis].signum()));
-        let looks = normal.dot(outward) > FACING * outward.length();
-        if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
+        // the face that it is farthest out of, of those that it faces
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|a, b| out_of[*b].total_cmp(&out_of[*a]));
+        let normal = |axis: usize| -(tool.rotation * (DVec3::AXES[axis] * local[axis].signum()));
+        let over = |axis: &usize| {
+            let beside = (0..3).any(|n| n != *axis && out_of[n] > slack);
+            !beside && normal(*axis).dot(outward) > FACING * outward.length()
+        };
+        let Some(axis) = axes.into_iter().find(over) else { continue };
+        if out_of[axis] < search.alarm + search.distance + travel {
             // numbered after the box's own corners
-            let found = Contact::between(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
+            let found =
+                Contact::between(on, tool.samples.len() + node as usize, point, normal(axis), out_of[axis], search);
             out.push(Contact { points: [MaterialPoint::default(), MaterialPoint::node(node)], ..found });
         }
     }

@@ -4,7 +4,7 @@
 //! the line across both lies in both's normal cones ([`Cone`]) and meets both between their ends, and if the surface is as near as that;
 //! the gap is along it. A surface's edges are its cells', without diagonals. An edge at a face whose nodes all touch is held by these;
 //! so only bodies narrower than two cells, and rims, have such contacts. Edges more parallel than [`PARALLEL`] are left to their nodes,
-//! which count as over a face that they miss by as little ([`BESIDE`]).
+//! which count as over a face that they miss by about as little ([`BESIDE`]).
 //! Units: m.
 
 use super::features::cones::Cone;
@@ -123,23 +123,32 @@ fn cross(first: &Edge, second: &Edge, reach: f64, widen: f64, depth: &impl Fn(DV
     near.then_some((u, t, normal, gap))
 }
 
-/// Pairs of edges whose boxes are within reach, by the first's extent along x.
+/// Pairs of edges whose boxes are within reach, in the order of the first.
 fn pairs<'a>(first: &'a [Edge], second: &'a [Edge], reach: f64) -> impl Iterator<Item = (usize, usize)> + 'a {
     let extent = move |edge: &Edge, more: f64| {
         let [low, high] = [edge.ends[0].min(edge.ends[1]), edge.ends[0].max(edge.ends[1])];
         (low - DVec3::splat(more), high + DVec3::splat(more))
     };
     let boxes: Vec<(DVec3, DVec3)> = second.iter().map(|edge| extent(edge, 0.0)).collect();
+    // by the axis along which the second ones lie farthest apart
+    let span = boxes.iter().map(|(low, _)| *low).reduce(DVec3::max).unwrap_or_default()
+        - boxes.iter().map(|(low, _)| *low).reduce(DVec3::min).unwrap_or_default();
+    let axis = span.max_position();
     let mut order: Vec<usize> = (0..second.len()).collect();
-    order.sort_by(|a, b| boxes[*a].0.x.total_cmp(&boxes[*b].0.x));
-    let longest = boxes.iter().map(|(low, high)| high.x - low.x).fold(0.0, f64::max);
+    order.sort_by(|a, b| boxes[*a].0[axis].total_cmp(&boxes[*b].0[axis]));
+    let longest = boxes.iter().map(|(low, high)| high[axis] - low[axis]).fold(0.0, f64::max);
     first.iter().enumerate().flat_map(move |(i, edge)| {
         let (low, high) = extent(edge, reach);
-        let from = order.partition_point(|j| boxes[*j].0.x < low.x - longest);
-        let along = order[from..].iter().take_while(|j| boxes[**j].0.x <= high.x);
+        let from = order.partition_point(|j| boxes[*j].0[axis] < low[axis] - longest);
+        let along = order[from..].iter().take_while(|j| boxes[**j].0[axis] <= high[axis]);
         let meets = |j: &usize| low.cmple(boxes[*j].1).all() && high.cmpge(boxes[*j].0).all();
         along.copied().filter(meets).map(|j| (i, j)).collect::<Vec<_>>()
     })
+}
+
+/// Whether a contact's feature is a pair of edges.
+pub fn is_pair(feature: usize) -> bool {
+    feature as u64 & PAIR != 0
 }
 
 /// Feature number of a pair of edges, apart from those of nodes and samples: mixed from the numbers that name both.
@@ -170,7 +179,7 @@ pub fn of_box(
         let points = [MaterialPoint::default(), second.material_point(t)];
         Some(Contact { points, ..Contact::between(on, feature, first.at(u), normal, gap, search) })
     };
-    pairs(&own, &skin, reach).filter_map(touch).collect()
+    pairs(&own, &skin, reach + patch.deepest(tool)).filter_map(touch).collect()
 }
 
 /// Contacts of the edges of two deformable bodies' surfaces, of whose nodes these are `held` by the other; `patch` is the second's.
@@ -191,5 +200,6 @@ pub fn of_surfaces<P: Fn(u32) -> DVec3, Q: Fn(u32) -> DVec3>(
         let points = [one.material_point(u), two.material_point(t)];
         Some(Contact { points, ..Contact::between(on, feature, one.at(u), normal, gap, search) })
     };
-    pairs(&own, &theirs, reach).filter_map(touch).collect()
+    // as deep as they may be in a step
+    pairs(&own, &theirs, 2.0 * reach).filter_map(touch).collect()
 }

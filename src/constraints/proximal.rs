@@ -123,10 +123,10 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
         sweep_plainly(laws, w, free, &mut best, PLAIN_FIRST, effort, &mut ended);
         force.copy_from_slice(&best);
     }
-    let mut left = f64::NAN;
+    let (mut left, mut again) = (f64::NAN, false);
     while !ended.converged && ended.updates < effort.updates {
         // the largest share from the same forces again would end the same way
-        if share == MOST && unsolved == Some(MOST) && ended.residual.energy == left {
+        if again && unsolved == Some(MOST) && ended.residual.energy == left {
             break;
         }
         left = ended.residual.energy;
@@ -134,6 +134,7 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
         add_compliance(w, free, force, share, &mut near, &mut shifted);
         let settled = settle(laws, &near, &shifted, force, effort, &mut ended);
         ended.rounds += 1;
+        again = !settled;
         let (before, found) = (ended.residual.energy, residual(laws, w, free, force));
         if found.energy < before || before.is_nan() {
             ended.residual = found;

@@ -35,13 +35,19 @@ impl Tool {
         let [tip, heel] =
             [blade.edge.first(), blade.edge.last()].map(|end| DVec3::from_array(*end.unwrap_or(&[0.0; 3])));
         let forward = DVec3::from_array(blade.normal).cross(heel - tip).normalize_or_zero();
+        let middle = (tip + heel) * 0.5;
         let at =
             |pose: &Pose, point: DVec3| DVec3::from_array(pose.position) + DQuat::from_array(pose.rotation) * point;
         let step = |pair: &[Pose]| {
-            let inside = [tip, heel].iter().any(|end| skins.iter().any(|skin| skin.reaches(at(&pair[0], *end))));
-            let middle = (tip + heel) * 0.5;
-            let moved = at(&pair[1], middle) - at(&pair[0], middle);
-            if inside { moved.dot(DQuat::from_array(pair[0].rotation) * forward) } else { 0.0 }
+            let turn = DQuat::from_array(pair[0].rotation);
+            let [from, to] = [0, 1].map(|k| DVec3::from_array(pair[k].position));
+            // the share of the way that is in skin
+            let inside = |share: &f64| {
+                let ends = [tip, heel].map(|end| from.lerp(to, *share) + turn * end);
+                ends.iter().any(|end| skins.iter().any(|skin| skin.reaches(*end)))
+            };
+            let shares = (0..=10).map(|n| f64::from(n) / 10.0);
+            (at(&pair[1], middle) - at(&pair[0], middle)).dot(turn * forward) * shares.filter(inside).count() as f64
         };
         let (over_all, moved) = self
             .trajectory

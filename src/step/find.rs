@@ -27,14 +27,14 @@ pub(super) struct Tie {
     contact: Contact,
     /// Attachment point on the second body: in the frame of a rigid body, in the world for a wall or the world.
     attachment_point: DVec3,
-    /// Of the rest-shape spring beside the tie, N/m: what is open of the tie it bears.
-    stiffness: f64,
+    /// Of the rest-shape spring beside the tie, along x, y and z, N/m: what is open of the tie it bears.
+    stiffness: DVec3,
 }
 
 impl Tie {
     /// Adds what the spring beside the tie bears to its forces, N, where its contact has moved by `slip`, m.
     pub fn add_spring(&self, contact: &Contact, slip: DVec3, forces: &mut [f64; 3]) {
-        (0..3).for_each(|k| forces[k] -= self.stiffness * (contact.gap[k] + contact.axes[k].dot(slip)));
+        (0..3).for_each(|k| forces[k] -= self.stiffness[k] * (contact.gap[k] + contact.axes[k].dot(slip)));
     }
 
     /// Registers the tie's nodes with their bodies, and each in the list of tied nodes: other body, own body, node.
@@ -172,12 +172,13 @@ impl Simulation {
         }
     }
 
-    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
-    /// their surface.
+    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools, lines and pairs of edges, whose contact points
+    /// move over their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
-        (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
+        let of_sample = tool.round.is_none() && tool.lines.is_none() && !edges::is_pair(contact.feature);
+        of_sample.then_some((number, body, contact.feature))
     }
 
     /// Contacts of rigid bodies with walls and with each other.
@@ -438,9 +439,9 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
                 depth: 0.0,
                 law,
             };
-            // a prescribed node moves the spring, not the spring the node
-            let prescribed = model.free[node as usize][..3].contains(&0.0);
-            out.push(Tie { contact, attachment_point, stiffness: if prescribed { 0.0 } else { stiffness } });
+            // along a prescribed axis the spring bears nothing
+            let [x, y, z, _] = model.free[node as usize];
+            out.push(Tie { contact, attachment_point, stiffness: DVec3::new(x, y, z) * stiffness });
         }
     }
     Ok(out)

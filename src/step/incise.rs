@@ -337,7 +337,8 @@ impl Simulation {
 }
 
 impl Body {
-    /// Moves a hit along its link to where it is without a shift of the blade; the lips' surface goes through it.
+    /// Moves a hit back along its link by the shift of the blade, as where the blade crosses it at a right angle in skin that has not turned:
+    /// elsewhere it stays off by about the shift. The lips' surface goes through it.
     fn move_back(&self, hit: &mut Hit<f64>, aside: DVec3) {
         if self.model.elements().spring_count > 0 {
             return; // springs are removed whole

@@ -40,9 +40,8 @@ pub fn parted(mut scene: Scene, platform: &Platform, corner: [f64; 3]) -> (Simul
     nodes.sort_unstable();
     nodes.dedup();
     let loose = &body.wound.loose;
-    let tied = !scene.attachments.is_empty(); // what a tie holds is not loose
-    assert_eq!(loose.len(), usize::from(!tied));
-    assert!(tied || loose[0].nodes.iter().map(|node| *node as usize).eq(nodes.iter().copied()));
+    assert_eq!(loose.len(), 1);
+    assert!(loose[0].nodes.iter().map(|node| *node as usize).eq(nodes.iter().copied()));
     (simulation, nodes)
 }
 

@@ -49,8 +49,8 @@ const SLOW: f64 = 0.5;
 /// Residual of a late step's last pass, in energy and relative to that of the best one, above which the best one is worth a correction more.
 const FAR_BETTER: f64 = 4.0;
 
-/// Residual of a pass, in energy and relative to that of the best one, above which no further pass comes back. (Those of a side of layered
-/// skin that `[[attach]]` tied went to 10³⁴ N in ten; a correction that starts there is lost.)
+/// Residual of a pass, in energy and relative to that of the best one, above which the passes end, and the best one is taken. The correction
+/// of the best one starts from that of the last: from 10³⁴ N, which passes for a side of layered skin reached in ten, rounding leaves nothing of it.
 const RAN_AWAY: f64 = 1e4;
 
 /// A pass that changes the forces by less than one part in [`FINE`] solves its correction to a proportionally smaller tolerance, at least
@@ -265,11 +265,12 @@ impl Simulation {
                 break pass;
             }
             let (lambda, left) = (pass.next.clone(), pass.residual.energy);
-            if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
+            let better = |best: &Pass| left < best.residual.energy || best.residual.energy.is_nan();
+            if best.as_ref().is_none_or(better) {
                 best = Some(pass);
             }
             // passes or time used up: take the best one
-            let ran_away = |best: &Pass| left > RAN_AWAY * best.residual.energy;
+            let ran_away = |best: &Pass| !(left <= RAN_AWAY * best.residual.energy); // NaN has, too
             exhausted = !late && (report.contact.passes >= law.max_passes || best.as_ref().is_some_and(ran_away));
             if let Some(best) = best.take_if(|_| late || exhausted) {
                 // the backends hold the correction of the last pass
