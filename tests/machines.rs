@@ -18,7 +18,7 @@ const SCENES: &[(&str, u32)] = &[
     ("dental_probe", 26),
     ("needle_press", 40),
     ("skin_springs", 38),
-    ("incision_shapes", 88),
+    ("incision_shapes", 84),
     ("verify/stack_five_soft", 6),
     ("hard/press_50kpa", 4),
 ];

@@ -313,7 +313,9 @@ mod tests {
                 assert!(normal.distance(DVec3::Z) < 1e-9 && (gap - 0.5e-3).abs() < 1e-12, "{turn}: {on_bar:?}");
             }
             let found = segments(ends, [DVec3::X * -12e-3, DVec3::X * 12e-3]);
-            assert!(found.iter().all(|(_, normal, gap)| normal.z > 0.999 && (gap - 1.5e-3).abs() < 1e-9), "{found:?}");
+            // of those that are all but parallel the ends, each by its own way
+            let off = if turn < 1e-2 { 1e-2 } else { 1e-6 };
+            assert!(found.iter().all(|(_, n, gap)| n.z > 1.0 - off && (gap / 1.5e-3 - 1.0).abs() < off), "{found:?}");
             assert_eq!(found.len(), if turn < 1e-2 { 2 } else { 1 }, "{turn}: {found:?}");
         }
     }

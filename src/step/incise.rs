@@ -28,12 +28,6 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Shift of what an edge has swept, in widths of a cell. A blade led exactly through centres of cells, or through nodes of springs, as in the
-/// plane of symmetry of a patch, would sever the links on either side of them, whichever their least motion decides: 44 in place of 40 in a
-/// cut of 11 mm on 25 × 25 cells, 54 in place of 37 where the skin is drawn, in a zigzag whose lips lock. No two components alike, for cuts
-/// aslant.
-const ASIDE: [f64; 3] = [0.01, 0.007, 0.0045];
-
 /// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
 pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
 
@@ -295,11 +289,7 @@ impl Simulation {
         for number in 0..self.bodies.len() {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
-            let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
-            let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
-            let mut hits =
-                body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
-            hits.iter_mut().for_each(|hit| body.move_back(hit, aside));
+            let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
             self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
         Ok(())
@@ -337,19 +327,6 @@ impl Simulation {
 }
 
 impl Body {
-    /// Moves a hit back along its link by the shift of the blade, as where the blade crosses it at a right angle in skin that has not turned:
-    /// elsewhere it stays off by about the shift. The lips' surface goes through it.
-    fn move_back(&self, hit: &mut Hit<f64>, aside: DVec3) {
-        if self.model.elements().spring_count > 0 {
-            return; // springs are removed whole
-        }
-        let rest = |node: usize| DVec3::from_array(self.wound.rest[node]);
-        let centre = |cell: usize| self.wound.surface.corners_of(cell).map(rest).iter().sum::<DVec3>() * 0.125;
-        let [from, to] = self.wound.surface.ends_of_link(hit.segment as usize).map(centre);
-        let along = to - from;
-        hit.at = (hit.at - aside.dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    }
-
     /// Cuts links or springs at these hits; returns how many were cut.
     ///
     /// # Errors
