@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn bars_that_cross_touch_where_they_do() {
-        for turn in [1e-6, 1e-3, 0.5, 1.5708] {
+        for turn in [1e-6, 1e-3, 0.5, 1.57] {
             let bar = cuboid(DVec3::ZERO, DQuat::IDENTITY, [12e-3, 0.3e-3, 1e-3]);
             let ends =
                 [-12e-3, 12e-3].map(|x| DQuat::from_rotation_z(turn) * DVec3::new(x, 0.0, 0.0) + DVec3::Z * 1.5e-3);

@@ -395,7 +395,7 @@ impl Simulation {
 fn nodes_that_touch(contacts: &[Contact], body: usize) -> BTreeSet<u32> {
     let sides = contacts.iter().flat_map(|contact| contact.on.iter().zip(&contact.points));
     let own = sides.filter(|(on, _)| **on == BodyId::Deformable(body)).flat_map(|(_, point)| &point.0);
-    own.filter(|(_, weight)| f64::from(*weight) > AT_NODE).map(|(node, _)| *node).collect()
+    own.filter(|(_, weight)| *weight > AT_NODE).map(|(node, _)| *node).collect()
 }
 
 /// Nodes on one side of a contact.

@@ -270,7 +270,7 @@ impl Simulation {
                 best = Some(pass);
             }
             // passes or time used up: take the best one
-            let ran_away = |best: &Pass| !(left <= RAN_AWAY * best.residual.energy); // NaN has, too
+            let ran_away = |best: &Pass| left.is_nan() || left > RAN_AWAY * best.residual.energy;
             exhausted = !late && (report.contact.passes >= law.max_passes || best.as_ref().is_some_and(ran_away));
             if let Some(best) = best.take_if(|_| late || exhausted) {
                 // the backends hold the correction of the last pass
