@@ -3,7 +3,7 @@
 //! Corners on faces alone let a bar between two rows of nodes fall through, and crossed bars through each other. Two edges touch where
 //! the line across both lies in both's normal cones ([`Cone`]) and meets both between their ends, and if the surface is as near as that;
 //! the gap is along it. A surface's edges are its cells', without diagonals. An edge at a face whose nodes all touch is held by these;
-//! so only bodies narrower than two cells, and rims, have such contacts. Edges more parallel than [`PARALLEL`] are left to their nodes,
+//! so only bodies narrower than two cells, and rims, have such contacts. Edges that are parallel to 1 % are left to their nodes,
 //! which count as over a face that they miss by about as little ([`BESIDE`]).
 //! Units: m.
 
