@@ -357,6 +357,11 @@ pub fn frame(normal: DVec3) -> [DVec3; 3] {
     [normal, t, s]
 }
 
+/// Normal of a face times twice its area; of a triangle, whose last two corners are one, too.
+fn area_normal([a, b, c, d]: [DVec3; 4]) -> DVec3 {
+    (c - a).cross(d - b)
+}
+
 fn point_contact(
     patch: &Patch,
     point: DVec3,

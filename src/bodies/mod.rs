@@ -482,10 +482,7 @@ impl Model {
 
     /// Larger horizontal cell edge, m.
     pub fn cell_width(&self) -> f64 {
-        if let Some(unstructured) = &self.grid.unstructured {
-            return unstructured.mesh.cell_width();
-        }
-        self.grid.edge[0].max(self.grid.edge[1])
+        self.grid.cell_width()
     }
 
     /// Largest extent along x or z at rest, m.

@@ -41,8 +41,7 @@ fn of_tie(scene: &Scene, tie: &Attachment, grid: &Grid) -> f64 {
     if !still || explicit || skin.mass == Mass::Consistent {
         return 0.0;
     }
-    let width = grid.unstructured.as_ref().map_or(grid.edge[0].max(grid.edge[1]), |of| of.mesh.cell_width());
-    skin.layers.iter().map(|layer| layer.young).fold(0.0, f64::max) * width
+    skin.layers.iter().map(|layer| layer.young).fold(0.0, f64::max) * grid.cell_width()
 }
 
 impl Model {

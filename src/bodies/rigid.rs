@@ -332,10 +332,7 @@ impl Edge {
             points.extend((1..=pieces).map(|k| pair[0].lerp(pair[1], k as f64 / pieces as f64)));
         }
         // frame of the blade
-        let along = (corners[corners.len() - 1] - corners[0]).normalize();
-        let normal = DVec3::from_array(blade.normal);
-        let normal = (normal - along * normal.dot(along)).normalize();
-        let forward = normal.cross(along);
+        let [along, normal, forward] = blade.frame();
         // one sample in the middle of each piece
         for (piece, pair) in points.windows(2).enumerate() {
             let role = Role::Edge { length: pair[0].distance(pair[1]), piece };

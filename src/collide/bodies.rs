@@ -7,12 +7,12 @@
 
 use super::convex::{self, Cuboid, Point};
 use super::edges::BESIDE;
-use super::{Contact, Patch, Search};
+use super::{Contact, Patch, Search, area_normal};
 use crate::bodies::rigid::{Instrument, Role};
 use crate::mesh::Face;
 use crate::mesh::MaterialPoint;
 use crate::scene::{BodyId, Plane};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Cosine below which faces do not face each other: the sides of two blocks stacked on each other do not touch.
@@ -59,8 +59,7 @@ pub fn between_rigid(
     for part in parts(a) {
         for other in &others {
             feature += MAX_POINTS;
-            let points = meet((a, &part), (b, other), reach).into_iter().take(MAX_POINTS);
-            for (k, (point, normal, gap)) in points.enumerate() {
+            for (k, (point, normal, gap)) in meet(&part, other, reach).into_iter().enumerate() {
                 if gap < reach {
                     out.push(Contact::between(on, feature + k, point, normal, gap, search));
                 }
@@ -70,53 +69,44 @@ pub fn between_rigid(
     out
 }
 
-/// Feature numbers per pair of parts, one for each contact point.
+/// Feature numbers per pair of parts, one for each contact point, of which two faces have eight at most.
 const MAX_POINTS: usize = 64;
 
-/// Convex part of a rigid body, in its frame.
+/// Convex part of a rigid body, in the world.
 enum Part {
-    /// Half extents, m.
-    Box(DVec3),
+    Box(Cuboid),
     /// Ends of the axis and radius, m; a point has both ends alike.
     Round([DVec3; 2], f64),
 }
 
 fn parts(body: &Instrument) -> Vec<Part> {
-    if let Some(half) = body.cuboid {
-        return vec![Part::Box(half)];
+    let round = |ends: [DVec3; 2], radius: f64| Part::Round(ends.map(|end| body.at(end)), radius);
+    if let Some(cuboid) = Cuboid::of(body) {
+        return vec![Part::Box(cuboid)];
     }
-    if let Some(round) = &body.round {
-        return vec![Part::Round(round.ends.map(DVec3::from_array), round.radius)];
+    if let Some(of) = &body.round {
+        return vec![round(of.ends.map(DVec3::from_array), of.radius)];
     }
     let Some(lines) = &body.lines else {
         let points = body.samples.iter().filter(|s| matches!(s.role, Role::Point | Role::Edge { .. }));
-        return points.map(|s| Part::Round([s.position; 2], 0.0)).collect();
+        return points.map(|s| round([s.position; 2], 0.0)).collect();
     };
     let at = |vertex: u32| DVec3::from_array(lines.positions[vertex as usize]);
     let alone = |vertex: &u32| lines.segments.iter().all(|ends| !ends.contains(vertex));
-    let points = (0..lines.positions.len() as u32).filter(alone).map(|v| Part::Round([at(v); 2], lines.radius));
-    lines.segments.iter().map(|ends| Part::Round(ends.map(at), lines.radius)).chain(points).collect()
+    let points = (0..lines.positions.len() as u32).filter(alone).map(|v| round([at(v); 2], lines.radius));
+    lines.segments.iter().map(|ends| round(ends.map(at), lines.radius)).chain(points).collect()
 }
 
-/// Contact points of two parts within reach, each with the normal towards the first body and the gap.
-fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach: f64) -> Vec<Point> {
-    let cuboid = |of: &Instrument, half: &DVec3| Cuboid {
-        centre: of.position,
-        axes: DMat3::from_quat(of.rotation),
-        half: *half,
-    };
+/// Contact points of two parts within reach, each with the normal towards the first and the gap.
+fn meet(part: &Part, other: &Part, reach: f64) -> Vec<Point> {
     let (found, radii) = match (part, other) {
-        (Part::Box(half), Part::Box(more)) => (convex::boxes(&cuboid(a, half), &cuboid(b, more), reach), [0.0; 2]),
-        (Part::Round(ends, radius), Part::Box(half)) => {
-            (convex::segment_on_box(ends.map(|p| a.at(p)), &cuboid(b, half)), [*radius, 0.0])
-        }
-        (Part::Box(half), Part::Round(ends, radius)) => {
-            let found = convex::segment_on_box(ends.map(|p| b.at(p)), &cuboid(a, half));
+        (Part::Box(a), Part::Box(b)) => (convex::boxes(a, b, reach), [0.0; 2]),
+        (Part::Round(ends, radius), Part::Box(b)) => (convex::segment_on_box(*ends, b), [*radius, 0.0]),
+        (Part::Box(a), Part::Round(ends, radius)) => {
+            let found = convex::segment_on_box(*ends, a);
             (found.into_iter().map(|(point, normal, gap)| (point, -normal, gap)).collect(), [0.0, *radius])
         }
-        (Part::Round(ends, radius), Part::Round(others, more)) => {
-            (convex::segments(ends.map(|p| a.at(p)), others.map(|p| b.at(p))), [*radius, *more])
-        }
+        (Part::Round(ends, radius), Part::Round(others, more)) => (convex::segments(*ends, *others), [*radius, *more]),
     };
     // half way between the surfaces
     let grown = |(point, normal, gap): Point| {
@@ -129,8 +119,7 @@ fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach
 fn nodes(faces: &[Face], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec3> {
     let mut out: BTreeMap<u32, DVec3> = BTreeMap::new();
     for face in faces {
-        let [a, b, c, d] = face.nodes; // of a triangle: twice its area too
-        let outward = (position(c) - position(a)).cross(position(d) - position(b));
+        let outward = area_normal(face.nodes.map(position));
         for node in face.corners() {
             *out.entry(*node).or_default() += outward;
         }

@@ -11,6 +11,7 @@
 //! Units: m.
 
 use super::features::closest::{on_segment, segment_edge};
+use crate::bodies::rigid::Instrument;
 use glam::{DMat3, DVec3};
 
 /// Share of the smaller box's least half extent by which an axis of two edges must separate more than one of a face.
@@ -38,7 +39,23 @@ pub struct Cuboid {
 /// Contact point of two parts: the point half way between them, the unit normal towards the first, and the gap, m.
 pub type Point = (DVec3, DVec3, f64);
 
+/// Point half way between two points of parts, for the gap along a normal.
+fn midway((p, q): (DVec3, DVec3), normal: DVec3) -> Point {
+    ((p + q) * 0.5, normal, normal.dot(p - q))
+}
+
+/// Nearest points of two segments, and whether both lie between the ends.
+fn nearest(first: [DVec3; 2], second: [DVec3; 2]) -> ((DVec3, DVec3), bool) {
+    let near = segment_edge(first, second);
+    ((first[0].lerp(first[1], near.u), second[0].lerp(second[1], near.weights[1])), near.strict)
+}
+
 impl Cuboid {
+    /// Of a rigid body; none if it is no box.
+    pub fn of(body: &Instrument) -> Option<Self> {
+        Some(Self { centre: body.position, axes: DMat3::from_quat(body.rotation), half: body.cuboid? })
+    }
+
     fn axis(&self, k: usize) -> DVec3 {
         self.axes.col(k)
     }
@@ -65,12 +82,13 @@ impl Cuboid {
         [middle - half, middle + half]
     }
 
-    /// All twelve edges.
-    fn edges(&self) -> impl Iterator<Item = [DVec3; 2]> {
+    /// All twelve edges, each with the outward unit normals of its two faces.
+    pub fn edges(&self) -> impl Iterator<Item = ([DVec3; 2], [DVec3; 2])> {
         (0..12).map(|n| {
             let k = n / 4;
-            let sign = |bit: usize| if n >> bit & 1 == 0 { -1.0 } else { 1.0 };
-            self.edge(k, self.axis((k + 1) % 3) * sign(0) + self.axis((k + 2) % 3) * sign(1))
+            let normal = |bit: usize| self.axis((k + 1 + bit) % 3) * if n >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            let normals = [0, 1].map(normal);
+            (self.edge(k, normals[0] + normals[1]), normals)
         })
     }
 
@@ -161,12 +179,9 @@ pub fn boxes(a: &Cuboid, b: &Cuboid, reach: f64) -> Vec<Point> {
     }
     let of_edges = |(apart, normal, [i, j]): (f64, DVec3, [usize; 2])| {
         let (first, second) = (a.edge(i, -normal), b.edge(j, normal));
-        let near = segment_edge(first, second);
-        if apart > 0.0 && !near.strict {
-            return vec![]; // past each other's ends
-        }
-        let (p, q) = (first[0].lerp(first[1], near.u), second[0].lerp(second[1], near.weights[1]));
-        vec![((p + q) * 0.5, normal, normal.dot(p - q))]
+        let (points, between) = nearest(first, second);
+        // not past each other's ends
+        if between || apart <= 0.0 { vec![midway(points, normal)] } else { vec![] }
     };
     let bias = FACES_FIRST * a.half.min_element().min(b.half.min_element());
     if let Some(edge) = edge.filter(|edge| edge.0 > face.0 + bias) {
@@ -186,26 +201,22 @@ pub fn boxes(a: &Cuboid, b: &Cuboid, reach: f64) -> Vec<Point> {
 
 /// Contact points of a segment with a box; normals lead from the box to the segment.
 pub fn segment_on_box(ends: [DVec3; 2], of: &Cuboid) -> Vec<Point> {
-    let midway = |p: DVec3, q: DVec3, normal: DVec3| vec![((p + q) * 0.5, normal, normal.dot(p - q))];
-    let nearest_on = |edge: [DVec3; 2]| {
-        let near = segment_edge(ends, edge);
-        (ends[0].lerp(ends[1], near.u), edge[0].lerp(edge[1], near.weights[1]))
-    };
     let over_face = |normal: DVec3| {
         let local = of.axes.transpose() * normal;
         let k = local.abs().max_position();
         (local[k].abs(), of.over_face(k, 1.0_f64.copysign(local[k]), ends.to_vec()))
     };
     // apart: between an end and the box, or the segment and an edge
-    let pairs = ends.map(|end| (end, of.nearest(end))).into_iter().chain(of.edges().map(nearest_on));
-    let nearest = pairs.min_by(|a, b| a.0.distance_squared(a.1).total_cmp(&b.0.distance_squared(b.1)));
-    let (p, q) = nearest.unwrap_or_default();
+    let pairs =
+        ends.map(|end| (end, of.nearest(end))).into_iter().chain(of.edges().map(|(edge, _)| nearest(ends, edge).0));
+    let least = pairs.min_by(|a, b| a.0.distance_squared(a.1).total_cmp(&b.0.distance_squared(b.1)));
+    let (p, q) = least.unwrap_or_default();
     if p.distance(q) > SAME * of.half.min_element() && !of.holds_part_of(ends) {
         let normal = (p - q).normalize();
         let (cosine, over) = over_face(normal);
         let found: Vec<Point> = over.collect();
         let as_near = found.iter().any(|(.., gap)| *gap * OVER_FACE <= p.distance(q)); // not so where a steep segment passes the rim
-        return if cosine > OVER_FACE && as_near { found } else { midway(p, q, normal) };
+        return if cosine > OVER_FACE && as_near { found } else { vec![midway((p, q), normal)] };
     }
     // touching or crossing: the axis of greatest separation, of a face or of an edge and the segment
     let separation =
@@ -217,13 +228,10 @@ pub fn segment_on_box(ends: [DVec3; 2], of: &Cuboid) -> Vec<Point> {
     let bias = |k: Option<usize>| if k.is_some() { FACES_FIRST * of.half.min_element() } else { 0.0 };
     let both = axes.flat_map(|(axis, k)| [axis, -axis].map(|axis| (separation(axis) - bias(k), axis, k)));
     match both.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        Some((_, normal, Some(k))) => {
-            let (p, q) = nearest_on(of.edge(k, normal));
-            midway(p, q, normal)
-        }
+        Some((_, normal, Some(k))) => vec![midway(nearest(ends, of.edge(k, normal)).0, normal)],
         Some((_, normal, None)) => {
             let found: Vec<Point> = over_face(normal).1.collect();
-            if found.is_empty() { midway(p, q, normal) } else { found } // at a corner
+            if found.is_empty() { vec![midway((p, q), normal)] } else { found } // at a corner
         }
         None => vec![],
     }
@@ -242,23 +250,21 @@ pub fn segments(first: [DVec3; 2], second: [DVec3; 2]) -> Vec<Point> {
         false => DVec3::Z,
     };
     let crossing = crossing * 1.0_f64.copysign(crossing.dot(apart));
-    let point = |p: DVec3, q: DVec3| {
-        let normal = if p.distance(q) > SAME * longest { (p - q).normalize() } else { crossing };
-        ((p + q) * 0.5, normal, normal.dot(p - q))
+    let point = |(p, q): (DVec3, DVec3)| {
+        midway((p, q), if p.distance(q) > SAME * longest { (p - q).normalize() } else { crossing })
     };
-    let near = segment_edge(first, second);
-    let nearest = point(first[0].lerp(first[1], near.u), second[0].lerp(second[1], near.weights[1]));
+    let least = point(nearest(first, second).0);
     if lengths > 0.0 && across.length() < ALONG * lengths {
         // ends of the overlap, on the first, if they are as near
         let shares = second.map(|end| on_segment(end, first));
         let ends = shares.map(|share| first[0].lerp(first[1], share));
-        let found = ends.map(|p| point(p, second[0].lerp(second[1], on_segment(p, second))));
-        let as_near = |(.., gap): &Point| gap * OVER_FACE <= nearest.2 + SAME * longest;
+        let found = ends.map(|p| point((p, second[0].lerp(second[1], on_segment(p, second)))));
+        let as_near = |(.., gap): &Point| gap * OVER_FACE <= least.2 + SAME * longest;
         if ends[0].distance(ends[1]) > SAME * line.length() && found.iter().all(as_near) {
             return found.to_vec();
         }
     }
-    vec![nearest]
+    vec![least]
 }
 
 #[cfg(test)]

@@ -7,8 +7,9 @@
 //! which count as over a face that they miss by about as little ([`BESIDE`]).
 //! Units: m.
 
+use super::convex::Cuboid;
 use super::features::cones::Cone;
-use super::{Contact, Patch, Search};
+use super::{Contact, Patch, Search, area_normal};
 use crate::bodies::rigid::Instrument;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::BodyId;
@@ -29,7 +30,7 @@ const PAIR: u64 = 1 << 62;
 /// Edge of a surface or of a box.
 struct Edge {
     ends: [DVec3; 2],
-    /// Of a surface's.
+    /// Of a surface's; of a box's its number.
     nodes: [u32; 2],
     /// Whether a contact is at the end already.
     held: [bool; 2],
@@ -57,16 +58,14 @@ fn edges_of(faces: &[Face], position: &impl Fn(u32) -> DVec3, held: &BTreeSet<u3
     let settled: BTreeSet<u32> = touching.flat_map(|face| face.corners().iter().copied()).collect();
     let mut found: BTreeMap<[u32; 2], Edge> = BTreeMap::new();
     for face in faces {
-        let corners = face.corners();
-        let at: Vec<DVec3> = corners.iter().map(|node| position(*node)).collect();
-        let [a, b, c, d] = face.nodes.map(position); // of a triangle the last two are one
-        let normal = (c - a).cross(d - b).normalize_or_zero();
-        for (k, from) in corners.iter().enumerate() {
-            let next = (k + 1) % corners.len();
-            let nodes = [*from.min(&corners[next]), *from.max(&corners[next])];
-            if nodes.iter().any(|node| settled.contains(node)) {
-                continue;
-            }
+        let open: Vec<[u32; 2]> =
+            face.edges().filter(|nodes| !nodes.iter().any(|node| settled.contains(node))).collect();
+        if open.is_empty() {
+            continue;
+        }
+        let normal = area_normal(face.nodes.map(position)).normalize_or_zero();
+        for [from, to] in open {
+            let nodes = [from.min(to), from.max(to)];
             let edge = found.entry(nodes).or_insert_with(|| Edge {
                 ends: nodes.map(position),
                 nodes,
@@ -74,7 +73,7 @@ fn edges_of(faces: &[Face], position: &impl Fn(u32) -> DVec3, held: &BTreeSet<u3
                 cone: Cone::default(),
             });
             edge.cone.normal += normal;
-            edge.cone.outward.push((at[next] - at[k]).cross(normal).normalize_or_zero());
+            edge.cone.outward.push((position(to) - position(from)).cross(normal).normalize_or_zero());
         }
     }
     let mut edges: Vec<Edge> = found.into_values().collect();
@@ -83,18 +82,13 @@ fn edges_of(faces: &[Face], position: &impl Fn(u32) -> DVec3, held: &BTreeSet<u3
 }
 
 /// The twelve edges of a box.
-fn edges_of_box(of: &Instrument, half: DVec3) -> Vec<Edge> {
-    let axis = |k: usize| of.rotation * DVec3::AXES[k];
-    let edge = |n: usize| {
-        let (k, u, v) = (n / 4, (n / 4 + 1) % 3, (n / 4 + 2) % 3);
-        let [s, t] = [0, 1].map(|bit| if n >> bit & 1 == 0 { -1.0 } else { 1.0 });
-        let (up, side) = (axis(u) * s, axis(v) * t);
-        let middle = of.position + up * half[u] + side * half[v];
-        // across each face's edge, out of it, is the other's normal
-        let cone = Cone { normal: (up + side).normalize(), outward: vec![up, side] };
-        Edge { ends: [middle - axis(k) * half[k], middle + axis(k) * half[k]], nodes: [0; 2], held: [false; 2], cone }
+fn edges_of_box(of: &Cuboid) -> Vec<Edge> {
+    // across each face's edge, out of it, is the other's normal
+    let edge = |(n, (ends, normals)): (u32, ([DVec3; 2], [DVec3; 2]))| {
+        let cone = Cone { normal: (normals[0] + normals[1]).normalize(), outward: normals.to_vec() };
+        Edge { ends, nodes: [n, 0], held: [false; 2], cone }
     };
-    (0..12).map(edge).collect()
+    (0..).zip(of.edges()).map(edge).collect()
 }
 
 /// Two edges that touch: shares along both, unit normal from the second to the first, gap.
@@ -158,6 +152,29 @@ fn numbered(of: [u32; 4]) -> usize {
     (mixed | PAIR) as usize
 }
 
+/// Contacts of these edges of two bodies, of which `patch` is the second's surface; those of boxes of edges up to `farther` beyond reach apart.
+fn between(
+    on: [BodyId; 2],
+    (first, second): (&[Edge], &[Edge]),
+    patch: &Patch,
+    (reach, farther): (f64, f64),
+    search: &Search,
+) -> Vec<Contact> {
+    let depth = |at: DVec3| -patch.project(at).2;
+    let of_surface = |who: BodyId, edge: &Edge, share: f64| match who {
+        BodyId::Deformable(_) => edge.material_point(share),
+        _ => MaterialPoint::default(),
+    };
+    let touch = |(i, j): (usize, usize)| {
+        let (one, two) = (&first[i], &second[j]);
+        let (u, t, normal, gap) = cross(one, two, reach, search.angle_cone, &depth)?;
+        let feature = numbered([one.nodes[0], one.nodes[1], two.nodes[0], two.nodes[1]]);
+        let points = [of_surface(on[0], one, u), of_surface(on[1], two, t)];
+        Some(Contact { points, ..Contact::between(on, feature, one.at(u), normal, gap, search) })
+    };
+    pairs(first, second, reach + farther).filter_map(touch).collect()
+}
+
 /// Contacts of a box's edges with those of a surface around it, whose `held` nodes touch the box; none if the tool is no box.
 pub fn of_box(
     (rigid, tool): (usize, &Instrument),
@@ -167,19 +184,11 @@ pub fn of_box(
     search: &Search,
     travel: f64,
 ) -> Vec<Contact> {
-    let Some(half) = tool.cuboid else { return vec![] };
-    let (own, skin) = (edges_of_box(tool, half), edges_of(faces, position, held));
+    let Some(cuboid) = Cuboid::of(tool) else { return vec![] };
+    let (own, skin) = (edges_of_box(&cuboid), edges_of(faces, position, held));
     let reach = search.alarm + search.distance + travel;
-    let depth = |at: DVec3| -patch.project(at).2;
     let on = [BodyId::Rigid(rigid), BodyId::Deformable(number)];
-    let touch = |(i, j): (usize, usize)| {
-        let (first, second) = (&own[i], &skin[j]);
-        let (u, t, normal, gap) = cross(first, second, reach, search.angle_cone, &depth)?;
-        let feature = numbered([i as u32, 0, second.nodes[0], second.nodes[1]]);
-        let points = [MaterialPoint::default(), second.material_point(t)];
-        Some(Contact { points, ..Contact::between(on, feature, first.at(u), normal, gap, search) })
-    };
-    pairs(&own, &skin, reach + patch.deepest(tool)).filter_map(touch).collect()
+    between(on, (&own, &skin), patch, (reach, patch.deepest(tool)), search)
 }
 
 /// Contacts of the edges of two deformable bodies' surfaces, of whose nodes these are `held` by the other; `patch` is the second's.
@@ -191,15 +200,7 @@ pub fn of_surfaces<P: Fn(u32) -> DVec3, Q: Fn(u32) -> DVec3>(
 ) -> Vec<Contact> {
     let (own, theirs) = (edges_of(faces, position, held), edges_of(others, at, touched));
     let reach = search.alarm + search.distance;
-    let depth = |at: DVec3| -patch.project(at).2;
     let on = [BodyId::Deformable(first), BodyId::Deformable(second)];
-    let touch = |(i, j): (usize, usize)| {
-        let (one, two) = (&own[i], &theirs[j]);
-        let (u, t, normal, gap) = cross(one, two, reach, search.angle_cone, &depth)?;
-        let feature = numbered([one.nodes[0], one.nodes[1], two.nodes[0], two.nodes[1]]);
-        let points = [one.material_point(u), two.material_point(t)];
-        Some(Contact { points, ..Contact::between(on, feature, one.at(u), normal, gap, search) })
-    };
-    // as deep as they may be in a step
-    pairs(&own, &theirs, 2.0 * reach).filter_map(touch).collect()
+    // as deep again as they may be in a step
+    between(on, (&own, &theirs), patch, (reach, reach), search)
 }

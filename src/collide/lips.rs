@@ -12,7 +12,7 @@
 //! does not touch it.
 
 use super::features::closest::on_triangle;
-use super::{Contact, frame};
+use super::{Contact, area_normal, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
 use crate::mesh::{MaterialPoint, Parts, TetrahedralParts};
@@ -68,11 +68,6 @@ struct Placed {
     high: DVec3,
     /// Shorter diagonal.
     diagonal: f64,
-}
-
-/// Normal times twice the area.
-fn area_normal([a, b, c, d]: [DVec3; 4]) -> DVec3 {
-    (c - a).cross(d - b)
 }
 
 impl Placed {

@@ -191,6 +191,11 @@ impl Grid {
         (0..self.node_count()).filter(|n| self.contains(region, *n)).map(|n| n as u32).collect()
     }
 
+    /// Larger horizontal cell edge; of a mesh the mean width, m.
+    pub fn cell_width(&self) -> f64 {
+        self.unstructured.as_ref().map_or(self.edge[0].max(self.edge[1]), |of| of.mesh.cell_width())
+    }
+
     /// Number of nodes of a region.
     pub fn count_in(&self, region: &Region) -> usize {
         (0..self.node_count()).filter(|n| self.contains(region, *n)).count()

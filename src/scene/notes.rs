@@ -29,39 +29,34 @@ impl Skin {
 }
 
 impl Tool {
-    /// Whether its hand leads a blade through skin against the way that its edge faces: by more, over all, than a tenth of what it moves along that way.
+    /// Whether its hand leads a blade through skin against the way that its edge faces: by more, over all, than a tenth of what it moves along
+    /// that way.
     fn led_backward(&self, skins: &[Skin]) -> bool {
         let Some(blade) = &self.blade else { return false };
         let [tip, heel] =
             [blade.edge.first(), blade.edge.last()].map(|end| DVec3::from_array(*end.unwrap_or(&[0.0; 3])));
-        let forward = DVec3::from_array(blade.normal).cross(heel - tip).normalize_or_zero();
-        let middle = (tip + heel) * 0.5;
-        let at =
-            |pose: &Pose, point: DVec3| DVec3::from_array(pose.position) + DQuat::from_array(pose.rotation) * point;
+        let ([.., forward], middle) = (blade.frame(), (tip + heel) * 0.5);
         let step = |pair: &[Pose]| {
-            let turn = DQuat::from_array(pair[0].rotation);
             let [from, to] = [0, 1].map(|k| DVec3::from_array(pair[k].position));
+            let [turn, then] = [0, 1].map(|k| DQuat::from_array(pair[k].rotation));
             // the share of the way that is in skin
-            let inside = |share: &f64| {
-                let ends = [tip, heel].map(|end| from.lerp(to, *share) + turn * end);
-                ends.iter().any(|end| skins.iter().any(|skin| skin.reaches(*end)))
+            let inside = |n: &u32| {
+                let hand = from.lerp(to, f64::from(*n) / 10.0);
+                [tip, heel].iter().any(|end| skins.iter().any(|skin| skin.reaches(hand + turn * *end)))
             };
-            let shares = (0..=10).map(|n| f64::from(n) / 10.0);
-            (at(&pair[1], middle) - at(&pair[0], middle)).dot(turn * forward) * shares.filter(inside).count() as f64
+            let moved = to + then * middle - from - turn * middle;
+            moved.dot(turn * forward) * (0..=10).filter(inside).count() as f64
         };
-        let (over_all, moved) = self
-            .trajectory
-            .windows(2)
-            .map(step)
-            .fold((0.0, 0.0), |(sum, moved), step| (sum + step, moved + step.abs()));
+        let steps = self.trajectory.windows(2).map(step);
+        let (over_all, moved) = steps.fold((0.0, 0.0), |(sum, moved), step| (sum + step, moved + step.abs()));
         over_all < -0.1 * moved
     }
 }
 
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that is led backward. A body that nothing
-    /// pushes may float.
+    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that
+    /// is led backward. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
         let (steps, time) = (self.time.duration / self.time.step, &self.time);

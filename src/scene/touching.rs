@@ -1,6 +1,7 @@
 //! Rigid bodies, walls, attachments and the contact law.
 
 use super::{Device, Region};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// A rigid tool coupled to a hand.
@@ -157,6 +158,17 @@ pub struct Blade {
     pub flat_spacing: f64,
     /// Depth of the flats behind the edge, m.
     pub depth: f64,
+}
+
+impl Blade {
+    /// Unit vectors in the tool frame: along the edge from tip to heel, normal of the plane, and the way that the edge faces.
+    pub fn frame(&self) -> [DVec3; 3] {
+        let end = |point: Option<&[f64; 3]>| point.map_or(DVec3::ZERO, |p| DVec3::from_array(*p));
+        let along = (end(self.edge.last()) - end(self.edge.first())).normalize();
+        let normal = DVec3::from_array(self.normal);
+        let normal = (normal - along * normal.dot(along)).normalize();
+        [along, normal, normal.cross(along)]
+    }
 }
 
 /// Virtual coupling: 6-DoF spring and damper between hand and tool.
