@@ -76,6 +76,8 @@ pub struct Removal {
     pub scale: Vec<(u32, f64)>,
     /// Operator of tetrahedra, and where it has changed.
     pub operator: Option<(Arc<Arrays<f64>>, Changes)>,
+    /// Nodes of the pieces that the change has set free.
+    pub loose: Vec<u32>,
 }
 
 /// State of the cut body.
@@ -160,33 +162,33 @@ impl Wound {
 
     /// Applies hits (sorted by segment); returns the changes for the backend.
     pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
-        let removal = model.mechanics().cut(model, self, hits);
+        let mut removal = model.mechanics().cut(model, self, hits);
         self.extend(model);
         if model.elements().spring_count == 0 {
             let ends = hits.iter().flat_map(|hit| self.surface.ends_of_link(hit.segment as usize)).collect();
-            self.set_free(model, ends);
+            removal.loose = self.set_free(model, ends);
         }
         removal
     }
 
     /// Removes cells; returns the changes for the backend.
     pub fn carve(&mut self, model: &Model, cells: &[u32]) -> Removal {
-        let removal = model.mechanics().carve(model, self, cells);
+        let mut removal = model.mechanics().carve(model, self, cells);
         self.extend(model);
-        self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
+        removal.loose = self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
         removal
     }
 
     /// Removes space; returns the changes for the backend.
     pub fn carve_space(&mut self, model: &Model, carved: &Carved) -> Removal {
-        let removal = model.mechanics().carve_space(model, self, carved);
+        let mut removal = model.mechanics().carve_space(model, self, carved);
         self.extend(model);
-        self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
+        removal.loose = self.set_free(model, removal.cells.iter().map(|cell| *cell as usize).collect());
         removal
     }
 
-    /// Finds the pieces that changes at these cells have set free.
-    fn set_free(&mut self, model: &Model, changed: Vec<usize>) {
+    /// Finds the pieces that changes at these cells have set free; returns their nodes.
+    fn set_free(&mut self, model: &Model, changed: Vec<usize>) -> Vec<u32> {
         let surface = &self.surface;
         let here = if surface.present().is_empty() { &surface.alive } else { surface.present() };
         // cells that are gone stand for those around them
@@ -204,6 +206,7 @@ impl Wound {
         // a piece that has parted again is gone
         let before = |piece: &Loose| found.iter().all(|cells| piece.cells.binary_search(&cells[0]).is_err());
         self.loose.retain(before);
+        let freed = self.loose.len()..self.loose.len() + found.len();
         let parted = found.into_iter().map(|cells| Loose { cells, nodes: vec![] });
         self.loose.extend(parted);
         for piece in &mut self.loose {
@@ -214,7 +217,9 @@ impl Wound {
                 piece.nodes.dedup();
             }
         }
+        let nodes = self.loose[freed].iter().flat_map(|piece| piece.nodes.iter().copied()).collect();
         self.loose.retain(|piece| !piece.nodes.is_empty());
+        nodes
     }
 
     /// Rest position of the surface's corner at a node, m.

@@ -140,6 +140,11 @@ impl TetrahedralParts {
         [face, face.map(|node| twin(node).unwrap_or_else(|| unreachable!("the two share the face")))]
     }
 
+    /// Tetrahedra on both sides of a link.
+    pub fn cells(&self, link: usize) -> [usize; 2] {
+        self.of.links.ends(link)
+    }
+
     /// Node triple of a face of a tetrahedron, outward.
     pub fn outward(&self, e: usize, opposite: usize) -> [u32; 3] {
         formats::Face([0; 3], (4 * e + opposite) as u64).outward(self.corners())

@@ -294,7 +294,7 @@ impl Body {
         let moving: Vec<Corner> = corners.iter().map(|n| surface.corner(*n as usize)).collect();
         // nodes to read: of attachments, lips and corners
         let mut nodes = self.tied.clone();
-        nodes.extend(self.lips.iter().flatten().flatten());
+        nodes.extend(self.lips.iter().flatten().flat_map(|lip| &lip.cell).flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();

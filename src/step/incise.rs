@@ -408,7 +408,8 @@ impl Body {
 
     /// Applies the changes of a wound.
     fn apply(&mut self, removal: &Removal) -> Result<()> {
-        self.compliance.invalidate(removal.free.iter().map(|(node, _)| *node));
+        let changed = removal.free.iter().map(|(node, _)| *node);
+        self.compliance.invalidate(changed.chain(removal.loose.iter().copied()));
         self.backend.remove(removal)?;
         self.known = Known::default();
         self.loaded = false;

@@ -67,8 +67,8 @@ fn pushed(lips: bool) -> f64 {
     let u = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u;
     let lips = faces(&simulation.bodies[0].wound.surface.parts);
     let mean = |side: usize| {
-        let nodes = || lips.iter().skip(side).step_by(2).flatten();
-        nodes().map(|node| u[*node as usize][0]).sum::<f64>() / nodes().count() as f64
+        let nodes = || lips.iter().skip(side).step_by(2).flat_map(|face| face.nodes);
+        nodes().map(|node| u[node as usize][0]).sum::<f64>() / nodes().count() as f64
     };
     mean(0) - mean(1)
 }
@@ -102,7 +102,7 @@ fn parted(axis: usize, size: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>, usi
     assert_eq!(change.refused, 0);
     let lips = faces(&surface.parts);
     assert_eq!(lips.len(), 2 * size * size);
-    let side = |side: usize| lips.iter().skip(side).step_by(2).flatten().copied().collect::<Vec<u32>>();
+    let side = |side: usize| lips.iter().skip(side).step_by(2).flat_map(|face| face.nodes).collect::<Vec<u32>>();
     let [before, beyond] = [0, 1].map(side);
     // the front of the cut is of both sides
     let moves = |node: u32| beyond.contains(&node) && !before.contains(&node);
@@ -154,7 +154,7 @@ fn inside(simulation: &mut Simulation) -> (usize, f64) {
     let body = &simulation.bodies[0];
     let at = |node: usize| DVec3::from_array(body.wound.rest[node]) + DVec3::new(u[node][0], u[node][1], u[node][2]);
     let parts = &body.wound.surface.parts;
-    let mut nodes: Vec<u32> = faces(parts).into_iter().flatten().collect();
+    let mut nodes: Vec<u32> = faces(parts).into_iter().flat_map(|face| face.nodes).collect();
     nodes.sort_unstable();
     nodes.dedup();
     let cells: Vec<[usize; 8]> = (0..body.model.grid.cell_count()).map(|cell| parts.corners(cell)).collect();
@@ -222,12 +222,12 @@ fn shapes(lips: bool) -> (usize, f64) {
     (nodes, deepest)
 }
 
-/// Measured in the cells themselves, which know nothing of the contacts. A cell is 1.4 mm wide. The deepest is a single node of a flap that folds:
-/// below 0.100, 0.103 and 0.132 mm by three versions of the contact solver.
+/// Measured in the cells themselves, which know nothing of the contacts. A cell is 1.4 mm wide. The deepest, a node at a corner of the flap, is
+/// at 0.022 to 0.055 mm with moduli that differ by 1e-4; 0.07 to 0.13 mm without contacts by cells.
 #[test]
 fn a_flap_that_folds_does_not_pass_through_the_skin() {
     let [(with, deepest), (without, through)] = [true, false].map(shapes);
     println!("with contact {with} nodes, {deepest} m; without {without} nodes, {through} m");
-    assert!(deepest < 1.5e-4 && through > 2e-4, "{deepest} m, without contact {through} m");
+    assert!(deepest < 1e-4 && through > 2e-4, "{deepest} m, without contact {through} m");
     assert!(2 * with < without, "{with} nodes inside of foreign cells, without contact {without}");
 }

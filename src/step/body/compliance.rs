@@ -88,9 +88,9 @@ impl<'a> RestShape<'a> {
         Self { positions: &wound.rest, originals: model.rest.len(), floats, loose: &wound.loose }
     }
 
-    /// Whether a node belongs to a loose piece.
-    fn is_loose(&self, node: u32) -> bool {
-        self.loose.iter().any(|piece| piece.nodes.binary_search(&node).is_ok())
+    /// Number of the loose piece that a node belongs to.
+    fn piece_of(&self, node: u32) -> Option<usize> {
+        self.loose.iter().position(|piece| piece.nodes.binary_search(&node).is_ok())
     }
 }
 
@@ -147,12 +147,19 @@ impl Compliance {
         let mut missing: Vec<(bool, u32)> = missing.map(|(node, k)| (k.used != step, *node)).collect();
         missing.sort_unstable();
         let missing: Vec<u32> = missing.into_iter().map(|(_, node)| node).collect();
-        let batches = match solving.all {
-            true => usize::MAX,
-            false => usize::from(self.lenders().next().is_none()),
-        };
-        for batch in missing.chunks(solving.at_once).take(batches) {
-            self.solve(backend, rest_shape, batch, solving.tolerance, report)?;
+        if solving.all {
+            for batch in missing.chunks(solving.at_once) {
+                self.solve(backend, rest_shape, batch, solving.tolerance, report)?;
+            }
+        } else {
+            // one batch of each piece where none can lend
+            let mut of_piece: BTreeMap<Option<usize>, Vec<u32>> = BTreeMap::new();
+            missing.iter().for_each(|node| of_piece.entry(rest_shape.piece_of(*node)).or_default().push(*node));
+            self.lenders().for_each(|lender| drop(of_piece.remove(&rest_shape.piece_of(lender))));
+            for batch in of_piece.values() {
+                let batch = &batch[..batch.len().min(solving.at_once)];
+                self.solve(backend, rest_shape, batch, solving.tolerance, report)?;
+            }
         }
         self.borrow(rest_shape);
         Ok(())
@@ -178,9 +185,10 @@ impl Compliance {
         let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
         let node = |slot: usize| batch[(slot - FIRST_COLUMN) / 3];
         let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-        let limit = |slot: usize| if rest_shape.is_loose(node(slot)) { u32::MAX } else { budget };
+        let loose = |slot: usize| rest_shape.piece_of(node(slot)).is_some();
+        let limit = |slot: usize| if loose(slot) { u32::MAX } else { budget };
         let target = |slot: usize| {
-            let moves = rest_shape.floats || rest_shape.is_loose(node(slot));
+            let moves = rest_shape.floats || loose(slot);
             Target::Loose(if moves { FLOATING_FACTOR * tolerance } else { tolerance }, limit(slot))
         };
         let wanted: Vec<SolveRequest> =
@@ -231,22 +239,25 @@ impl Compliance {
         self.known.iter().filter(move |(node, k)| k.solved > 0 && moves(node, k)).map(|(node, _)| *node)
     }
 
-    /// Gives nodes in use without columns those of the nearest node that has some: the compliance towards another in use is the lender's
-    /// towards the one at the nearest relative position.
+    /// Gives nodes in use without columns those of the nearest node that has some, of the same piece: the compliance towards another in use is
+    /// the lender's towards the one at the nearest relative position. Loose pieces move neither each other nor the rest.
     fn borrow(&mut self, rest_shape: RestShape) {
         let position = |node: u32| DVec3::from_array(rest_shape.positions[node as usize]);
-        let lenders: Vec<u32> = self.lenders().collect();
+        let lenders: Vec<(u32, Option<usize>)> = self.lenders().map(|node| (node, rest_shape.piece_of(node))).collect();
         let in_use = self.known.iter().filter(|(_, k)| k.used == self.step);
-        let in_use: Vec<(u32, bool)> = in_use.map(|(node, k)| (*node, k.solved > 0)).collect();
-        for (node, _) in in_use.iter().copied().filter(|(_, solved)| !solved) {
-            let far = |lender: &&u32| position(**lender).distance_squared(position(node));
-            let Some(lender) = lenders.iter().min_by(|a, b| far(a).total_cmp(&far(b))) else { return };
-            let own = self.known[lender].towards.get(lender).copied();
+        let in_use: Vec<(u32, bool, Option<usize>)> =
+            in_use.map(|(node, k)| (*node, k.solved > 0, rest_shape.piece_of(*node))).collect();
+        for (node, _, piece) in in_use.iter().copied().filter(|(_, solved, _)| !solved) {
+            let far = |lender: &u32| position(*lender).distance_squared(position(node));
+            let of_piece = lenders.iter().filter(|(_, other)| *other == piece).map(|(lender, _)| *lender);
+            let Some(lender) = of_piece.min_by(|a, b| far(a).total_cmp(&far(b))) else { continue };
+            let own = self.known[&lender].towards.get(&lender).copied();
             // what it lends, with the position of each relative to it
-            let lent = self.known[lender].towards.iter().filter(|(to, _)| *to != lender);
+            let lends = |to: u32| to != lender && (piece.is_none() || rest_shape.piece_of(to) == piece);
+            let lent = self.known[&lender].towards.iter().filter(|(to, _)| lends(**to));
             let lent: Vec<(DVec3, DMat3)> =
-                lent.map(|(to, block)| (position(*to) - position(*lender), *block)).collect();
-            for (other, _) in in_use.iter().copied().filter(|(other, _)| *other != node) {
+                lent.map(|(to, block)| (position(*to) - position(lender), *block)).collect();
+            for (other, ..) in in_use.iter().copied().filter(|(other, _, of)| *other != node && *of == piece) {
                 if !self.known[&node].towards.contains_key(&other) {
                     // the solved columns of the other node may reach this one; of two nodes of a wound's lips none is the other
                     let known = self.known[&other].towards.get(&node).map(DMat3::transpose);
@@ -264,7 +275,7 @@ impl Compliance {
         }
     }
 
-    /// Drops the columns of nodes that a cut has changed; they borrow others until slow passes solve them anew. The others only age: away from the cut they
+    /// Drops the columns of nodes that a cut has changed or set free; they borrow others until slow passes solve them anew. The others only age: away from the cut they
     /// change little, and slow passes renew them.
     pub fn invalidate(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
@@ -358,11 +369,14 @@ impl Compliance {
     }
 }
 
-/// Nodes nearest to one at rest.
+/// Nodes nearest to one at rest, of its loose piece if it belongs to one.
 fn nearest(rest_shape: RestShape, node: u32) -> Vec<u32> {
     let position = |node: u32| DVec3::from_array(rest_shape.positions[node as usize]);
     let far = |other: &u32| position(*other).distance_squared(position(node));
-    let mut all: Vec<u32> = (0..rest_shape.originals as u32).collect();
+    let mut all: Vec<u32> = match rest_shape.piece_of(node) {
+        Some(piece) => rest_shape.loose[piece].nodes.clone(),
+        None => (0..rest_shape.originals as u32).collect(),
+    };
     if all.len() > AROUND {
         all.select_nth_unstable_by(AROUND, |a, b| far(a).total_cmp(&far(b)).then(a.cmp(b)));
         all.truncate(AROUND);
@@ -421,7 +435,7 @@ impl Body {
     /// Whether nothing holds a node: its body or its piece of it keeps its velocity.
     pub(in crate::step) fn falls(&self, node: u32) -> bool {
         let rest_shape = RestShape::of(&self.model, &self.wound, self.floats);
-        rest_shape.floats || rest_shape.is_loose(node)
+        rest_shape.floats || rest_shape.piece_of(node).is_some()
     }
 
     /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses instead.

@@ -17,7 +17,7 @@ use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::math::inner_product;
 use crate::scene::Correction;
-use crate::step::body::RestShape;
+use crate::step::body::{Body, RestShape};
 use crate::step::rows::energy;
 use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
@@ -49,9 +49,11 @@ const SLOW: f64 = 0.5;
 /// Residual of a late step's last pass, in energy and relative to that of the best one, above which the best one is worth a correction more.
 const FAR_BETTER: f64 = 4.0;
 
-/// Residual of a pass, in energy and relative to that of the best one, above which the passes end, and the best one is taken. The correction
-/// of the best one starts from that of the last: from 10³⁴ N, which passes for a side of layered skin reached in ten, rounding leaves nothing of it.
-const RAN_AWAY: f64 = 1e4;
+/// Residual of a pass, in energy and relative to that of the best one, above which the correction of the best one starts from zero and not from
+/// that of the last, of which rounding would leave nothing; and above which the passes end: a side of layered skin reached 10³⁴ N in ten.
+/// (A `W` that is a thousand times too stiff, as where a piece comes off, takes one such pass; what it observes mends it.)
+const FAR_WORSE: f64 = 1e4;
+const RAN_AWAY: f64 = 1e12;
 
 /// A pass that changes the forces by less than one part in [`FINE`] solves its correction to a proportionally smaller tolerance, at least
 /// [`FINEST`] of it: a small change is visible only so.
@@ -274,6 +276,9 @@ impl Simulation {
             exhausted = !late && (report.contact.passes >= law.max_passes || best.as_ref().is_some_and(ran_away));
             if let Some(best) = best.take_if(|_| late || exhausted) {
                 // the backends hold the correction of the last pass
+                if left.is_nan() || left > FAR_WORSE * best.residual.energy {
+                    self.bodies.iter_mut().try_for_each(Body::reset_correction)?;
+                }
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
