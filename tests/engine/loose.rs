@@ -1,6 +1,6 @@
 //! Pieces that cuts have set free fall as they should, however small.
 
-use crate::falls::{CORNERS, GRAVITY, block, fall, parted};
+use crate::falls::{CORNERS, GRAVITY, block, fall, parted, parted_under};
 use cutis::scene::{Attachment, BodyId, Contact, Element, Law, Material, Plane, Preconditioner, Region};
 use cutis::step::Platform;
 use glam::DVec3;
@@ -59,6 +59,31 @@ fn a_small_piece_rests_on_a_wall() {
     assert!(speed < 2e-3 && (top - 5e-3).abs() < 1e-5, "{speed} m/s, {top} m");
     // columns as loose as those of what is held take 11 passes a step
     assert!(passes < 24 * 5, "{passes} passes");
+}
+
+/// A piece that stays on the bed that it is cut from is borne by it: its nodes move as the piece does and not as those of the bed beside them,
+/// whose compliance is a hundredth.
+#[test]
+fn a_small_piece_rests_on_the_bed_it_is_cut_from() {
+    for corner in CORNERS {
+        let mut scene = block(Preconditioner::Multigrid, 1e-3);
+        scene.tools[0].trajectory[0].position[2] = 0.5;
+        scene.contact = Some(Contact { lips: true, alarm: 0.2e-3, ..Contact::default() });
+        let (mut simulation, nodes) = parted_under(-GRAVITY, scene, &Platform::Cpu64, corner);
+        let before = simulation.snapshots().unwrap_or_else(|e| panic!("{e}")).remove(0).u;
+        let (mut passes, mut most, mut warned) = (0, 0, vec![]);
+        for step in 0..20 {
+            let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+            (passes, most) = (passes + report.contact.passes, most.max(report.contact.passes));
+            warned.extend(report.warnings.into_iter().map(|warning| (step, warning)));
+        }
+        let state = simulation.snapshots().unwrap_or_else(|e| panic!("{e}")).remove(0);
+        let moved = |n: &usize| DVec3::from_slice(&state.u[*n]).distance(DVec3::from_slice(&before[*n]));
+        let moved = nodes.iter().map(moved).fold(0.0, f64::max);
+        println!("{corner:?}: {moved} m, {passes} passes, {most} at most, {warned:?}");
+        assert!(warned.is_empty() && moved < 5e-5, "{moved} m, {warned:?}");
+        assert!(most <= 6, "{passes} passes, {most} in a step");
+    }
 }
 
 /// A piece that is tied to its place hangs there: the tie bears its weight, and nothing throws it.

@@ -13,9 +13,19 @@ const STEP: f64 = 5e-3;
 pub const GRAVITY: f64 = 9.81;
 
 /// A block at rest that is held at its bottom under gravity upwards, and the nodes of its upper corner beyond a point, which is cut off.
-pub fn parted(mut scene: Scene, platform: &Platform, corner: [f64; 3]) -> (Simulation, Vec<usize>) {
+pub fn parted(scene: Scene, platform: &Platform, corner: [f64; 3]) -> (Simulation, Vec<usize>) {
+    parted_under(GRAVITY, scene, platform, corner)
+}
+
+/// The same under another acceleration along z.
+pub fn parted_under(
+    gravity: f64,
+    mut scene: Scene,
+    platform: &Platform,
+    corner: [f64; 3],
+) -> (Simulation, Vec<usize>) {
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
-    (scene.time.gravity, scene.time.step) = ([0.0, 0.0, GRAVITY], STEP);
+    (scene.time.gravity, scene.time.step) = ([0.0, 0.0, gravity], STEP);
     (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.1, 0.01);
     let mut simulation = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
     for _ in 0..40 {
