@@ -2,7 +2,7 @@
 //!
 //! A law has one to three rows, each with one force. Rows are projected in groups, one after the other: a friction disc after the normal
 //! force that sets its radius. [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`] describe a law, with what
-//! [`Law::under_relaxes`], [`Law::is_convex`] and [`Law::is_constraint`] say of it; the solvers know no particular law.
+//! [`Law::under_relaxes`], [`Law::is_monotone`] and [`Law::is_constraint`] say of it; the solvers know no particular law.
 
 use super::between;
 use crate::math::elementary::hypot;
@@ -148,14 +148,10 @@ impl Law {
         }
     }
 
-    /// Whether the allowed forces are a fixed interval for each row, so that such laws alone are a convex problem. The disc of friction follows
-    /// the normal force; the force of an edge turns with the motion, and falls where slicing takes over from pushing.
-    pub(super) fn is_convex(&self) -> bool {
-        match self {
-            Self::Coulomb { friction, .. } => *friction == 0.0,
-            Self::Bilateral { .. } => true,
-            Self::Cut { .. } | Self::Slide { .. } => false,
-        }
+    /// Whether each group's force, for given forces of the others, never falls as what it opposes grows. That of an edge turns with the motion, and
+    /// falls where slicing takes over from pushing.
+    pub(super) fn is_monotone(&self) -> bool {
+        !matches!(self, Self::Cut { .. })
     }
 
     /// Whether a sweep goes only half way to a group's projection: in an edge's plane, where pieces of one edge that go the whole way may

@@ -7,7 +7,7 @@
 //!
 //! which is the proximal point method. At its end `λ_{k+1} = λ_k`: the laws hold on `W` itself, and the added compliance changes no force.
 //! Of several solutions it takes the one nearest to its start, the forces of the last step or what was predicted from them, in the norm of `D`.
-//! Where there is friction or an edge, which are not convex, sweeps on `W` itself come first.
+//! Where there is an edge, whose law is not monotone, sweeps on `W` itself come first.
 //!
 //! **What is proved.** Without friction and edges the laws are a convex problem, `min ½ λᵀWλ + δ_freeᵀλ` over a product of intervals. Each
 //! step's problem is strongly convex, and sweeps converge on it linearly from any start (Luo, Tseng 1992). The steps converge to a solution
@@ -52,12 +52,10 @@ const LEAST: f64 = 1e-13;
 const SWEEPS_BETWEEN: u32 = 20;
 /// The same after the first proximal step, when the contacts are told apart already.
 const SWEEPS_LATER: u32 = 10;
-/// Sweeps on the problem itself, without added compliance, where a law is not convex: before the proximal steps and after one that is left
+/// Sweeps on the problem itself, without added compliance, where a law is not monotone: before the proximal steps and after one that is left
 /// unsolved. Newton's steps stall in local minima there and sweeps go on. Row updates of the solves of incision_shapes.toml, mean, 99 % and most,
 /// 36 × 36 cells: without any 5,920, 31,200 and 98,800; with these 1,830, 7,200 and 25,500. Of those of 645 solves that take more than 40,000
-/// without: 54,700, 183,000, 360,000 and 24,100, 107,000, 399,000; with 200 in place of 100 more in the mean. With friction alone they suffice on 350
-/// random problems of 12 to 64 points on 5 to 25 nodes, with a tenth to a third of the row updates of the proximal steps; in press_slide.toml those of
-/// a step fall from 184,000 to 61,000, in dental_probe.toml from 2,810 to 1,660.
+/// without: 54,700, 183,000, 360,000 and 24,100, 107,000, 399,000; with 200 in place of 100 more in the mean.
 const PLAIN_FIRST: u32 = 100;
 const PLAIN_LATER: u32 = 200;
 /// The same between two looks at the residual, and after which the loose tolerance is accepted.
@@ -73,7 +71,7 @@ const SLOW: f64 = 0.01;
 pub struct Effort {
     /// Tight tolerance: on forces relative to their sum, on gaps relative to the largest displacement of a row under its own force.
     pub tolerance: f64,
-    /// Loose tolerance, accepted where the tight one is not reached quickly: after a slow proximal step, or 40 sweeps where there is friction or an edge.
+    /// Loose tolerance, accepted where the tight one is not reached quickly: after a slow proximal step, or 40 sweeps where there is an edge.
     pub loose: LooseTolerance,
     /// Most row updates (each takes as many multiplications as there are rows). A step that has begun is finished: up to 20 sweeps and two
     /// eliminations more, with eight trials each.
@@ -120,8 +118,8 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
     let mut best = force.to_vec();
     let (mut near, mut shifted) = (w.to_vec(), free.to_vec());
     let (mut share, mut unsolved) = (FIRST, None);
-    let convex = laws.iter().all(Law::is_convex);
-    if !convex {
+    let monotone = laws.iter().all(Law::is_monotone);
+    if !monotone {
         sweep_plainly(laws, w, free, &mut best, PLAIN_FIRST, effort, &mut ended);
         force.copy_from_slice(&best);
     }
@@ -156,7 +154,7 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
                 share = next;
             }
         } else {
-            if !convex && !ended.converged {
+            if !monotone && !ended.converged {
                 sweep_plainly(laws, w, free, &mut best, PLAIN_LATER, effort, &mut ended);
             }
             force.copy_from_slice(&best);
