@@ -76,7 +76,7 @@ pub struct Removal {
     pub scale: Vec<(u32, f64)>,
     /// Operator of tetrahedra, and where it has changed.
     pub operator: Option<(Arc<Arrays<f64>>, Changes)>,
-    /// Nodes of the pieces that the change has set free.
+    /// Nodes of pieces that nothing holds from now on.
     pub loose: Vec<u32>,
 }
 
@@ -187,7 +187,7 @@ impl Wound {
         removal
     }
 
-    /// Finds the pieces that changes at these cells have set free; returns their nodes.
+    /// Finds the pieces that changes at these cells have set free; returns the nodes of those that were none before.
     fn set_free(&mut self, model: &Model, changed: Vec<usize>) -> Vec<u32> {
         let surface = &self.surface;
         let here = if surface.present().is_empty() { &surface.alive } else { surface.present() };
@@ -202,7 +202,8 @@ impl Wound {
                 self.free[node][..3].contains(&0.0) || model.rest_springs.nodes.binary_search(&original).is_ok()
             })
         };
-        let found = parted(&seeds, |cell| surface.linked(cell), held);
+        let mut found = parted(&seeds, |cell| surface.linked(cell), held);
+        found.retain(|cells| !self.loose.iter().any(|piece| piece.cells == *cells));
         // a piece that has parted again is gone
         let before = |piece: &Loose| found.iter().all(|cells| piece.cells.binary_search(&cells[0]).is_err());
         self.loose.retain(before);

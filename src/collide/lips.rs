@@ -37,7 +37,7 @@ const WITHIN: f64 = 1e-3;
 /// Cosine (of 26°) above which the normals of two contacts of a node make them one.
 const ALIKE: f64 = 0.9;
 /// Set in the feature number of a node's contact by a cell, beside that with the face that it faces.
-const BY_CELL: usize = 1 << 40;
+const BY_CELL: usize = (1_u64 << 40) as usize;
 
 /// Face left by a severed link.
 #[derive(Clone, Debug)]
@@ -51,12 +51,12 @@ pub struct LipFace {
 /// Faces left by severed links.
 pub type Faces = Vec<LipFace>;
 
-/// Faces of all severed links, those of a link one after the other: of the cell before it, and of the one beyond.
-pub fn faces(parts: &Parts) -> Faces {
+/// Faces of all severed links at cells that are left, those of a link one after the other: of the cell before it, and of the one beyond.
+pub fn faces(parts: &Parts, alive: &[bool]) -> Faces {
     let mut out = vec![];
     for (cell, axis, _) in parts.cuts() {
         let Some(beyond) = parts.beyond(cell as usize, axis) else { continue };
-        for (cell, side) in [(cell as usize, 1), (beyond, 0)] {
+        for (cell, side) in [(cell as usize, 1), (beyond, 0)].into_iter().filter(|(cell, _)| alive[*cell]) {
             let corners = parts.corners(cell);
             let face = |axis: usize, side: usize| {
                 let mut nodes = around(axis, side).map(|a| corners[a] as u32);
@@ -72,14 +72,14 @@ pub fn faces(parts: &Parts) -> Faces {
     out
 }
 
-/// The same of a mesh; a triangle has its third node twice.
+/// The same of a mesh.
 pub fn triangles(parts: &TetrahedralParts) -> Faces {
-    let twice = |[a, b, c]: [u32; 3]| [a, b, c, c];
+    let outward = |e: usize, k: usize| {
+        let [a, b, c] = parts.outward(e, k);
+        [a, b, c, c]
+    };
     let sides = |link: usize| {
-        let [[a, b, c], [d, e, f]] = parts.faces(link);
-        let [near, far] = parts.cells(link);
-        [(near, [a, b, c]), (far, [f, e, d])]
-            .map(|(e, face)| LipFace { nodes: twice(face), cell: (0..4).map(|k| twice(parts.outward(e, k))).collect() })
+        parts.sides(link).map(|(e, k)| LipFace { nodes: outward(e, k), cell: (0..4).map(|k| outward(e, k)).collect() })
     };
     parts.cuts().flat_map(sides).collect()
 }
@@ -102,7 +102,7 @@ struct Placed {
     high: DVec3,
     /// Shorter diagonal.
     diagonal: f64,
-    /// Mean.
+    /// Unit mean normal, outward.
     normal: DVec3,
     /// Planes of the other faces of the cell behind it: outward normal, place along it.
     walls: Vec<(DVec3, f64)>,
@@ -124,9 +124,13 @@ impl Placed {
         nearest.map_or([0.25; 4], |(weights, _)| weights)
     }
 
-    /// Whether a point is within the walls of the cell behind the face, in front of it or behind.
-    fn has_within_walls(&self, p: DVec3) -> bool {
-        self.walls.iter().all(|(normal, at)| normal.dot(p) - at < -WITHIN * self.diagonal)
+    /// Whether a point at this gap is within the walls of the cell behind the face, in front of the face or nearer to it than to what is opposite.
+    fn has_within_walls(&self, p: DVec3, gap: f64) -> bool {
+        let distance = |(normal, at): &(DVec3, f64)| normal.dot(p) - at;
+        let along = |wall: &(DVec3, f64)| wall.0.dot(self.normal);
+        let opposite = self.walls.iter().min_by(|a, b| along(a).total_cmp(&along(b)));
+        self.walls.iter().all(|wall| distance(wall) < -WITHIN * self.diagonal)
+            && opposite.is_none_or(|wall| gap > distance(wall))
     }
 
     /// The point with these weights.
@@ -221,10 +225,11 @@ pub fn contacts(
                 depth: 0.0,
                 law: Law::contact(0.0),
             };
-            // within the walls of the cell behind the face
+            // within the walls of the cell behind the face; behind it rather than in front of another, and as little as possible
             let gap = face.normal.dot(away);
-            let nearer = by_cell.as_ref().is_none_or(|other| gap.abs() < other.gap[0].abs());
-            if gap < alarm && nearer && face.has_within_walls(at) {
+            let rank = |gap: f64| (gap >= 0.0, gap.abs());
+            let nearer = by_cell.as_ref().is_none_or(|other| rank(gap) < rank(other.gap[0]));
+            if gap < alarm && nearer && face.has_within_walls(at, gap) {
                 by_cell = Some(contact(face.normal, gap, *node as usize | BY_CELL));
             }
             // opposite to the node; the gap is along the mean of both normals
@@ -240,7 +245,11 @@ pub fn contacts(
         }
         let faced = faced.map(|(_, contact)| contact);
         let alike = |a: &Contact, b: &Contact| a.axes[0].dot(b.axes[0]) > ALIKE;
-        out.extend(by_cell.filter(|by_cell| !faced.as_ref().is_some_and(|faced| alike(faced, by_cell))));
+        out.extend(match (&faced, by_cell) {
+            (Some(faced), Some(by_cell)) => Some(by_cell).filter(|by_cell| !alike(faced, by_cell)),
+            (None, Some(by_cell)) => Some(Contact { feature: *node as usize, ..by_cell }),
+            (_, None) => None,
+        });
         // two nodes that meet find each other
         let mut twice = |found: &Contact| match found.points[1].0[..] {
             [(other, weight)] if weight >= AT_NODE => !met.insert([other.min(*node), other.max(*node)]),

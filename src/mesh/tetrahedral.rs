@@ -140,9 +140,9 @@ impl TetrahedralParts {
         [face, face.map(|node| twin(node).unwrap_or_else(|| unreachable!("the two share the face")))]
     }
 
-    /// Tetrahedra on both sides of a link.
-    pub fn cells(&self, link: usize) -> [usize; 2] {
-        self.of.links.ends(link)
+    /// Both sides of a link: a tetrahedron, and its corner opposite to the face.
+    pub fn sides(&self, link: usize) -> [(usize, usize); 2] {
+        self.of.links.sides[link].map(|side| (side as usize / 4, side as usize % 4))
     }
 
     /// Node triple of a face of a tetrahedron, outward.

@@ -341,10 +341,6 @@ impl Body {
         let removal = self.wound.apply(&self.model, hits);
         let severed = (count(&self.wound) - before) as u32;
         if severed > 0 {
-            if let Some(lips) = &mut self.lips {
-                let surface = &self.wound.surface;
-                *lips = surface.tetrahedra().map_or_else(|| lips::faces(&surface.parts), lips::triangles);
-            }
             self.apply(&removal)?;
         }
         Ok(severed)
@@ -411,6 +407,11 @@ impl Body {
         let changed = removal.free.iter().map(|(node, _)| *node);
         self.compliance.invalidate(changed.chain(removal.loose.iter().copied()));
         self.backend.remove(removal)?;
+        if let Some(lips) = &mut self.lips {
+            let surface = &self.wound.surface;
+            let of_grid = || lips::faces(&surface.parts, &surface.alive);
+            *lips = surface.tetrahedra().map_or_else(of_grid, lips::triangles);
+        }
         self.known = Known::default();
         self.loaded = false;
         Ok(())

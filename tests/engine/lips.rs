@@ -65,7 +65,10 @@ fn pushed(lips: bool) -> f64 {
         assert!(report.warnings.is_empty(), "at {} s: {:?}", report.time, report.warnings);
     }
     let u = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u;
-    let lips = faces(&simulation.bodies[0].wound.surface.parts);
+    let lips = {
+        let surface = &simulation.bodies[0].wound.surface;
+        faces(&surface.parts, &surface.alive)
+    };
     let mean = |side: usize| {
         let nodes = || lips.iter().skip(side).step_by(2).flat_map(|face| face.nodes);
         nodes().map(|node| u[node as usize][0]).sum::<f64>() / nodes().count() as f64
@@ -100,7 +103,7 @@ fn parted(axis: usize, size: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>, usi
     let links: Vec<(u32, f64)> = (0..size * size).map(|k| at(k % size, k / size)).collect();
     let change = surface.parts.cut(&links);
     assert_eq!(change.refused, 0);
-    let lips = faces(&surface.parts);
+    let lips = faces(&surface.parts, &surface.alive);
     assert_eq!(lips.len(), 2 * size * size);
     let side = |side: usize| lips.iter().skip(side).step_by(2).flat_map(|face| face.nodes).collect::<Vec<u32>>();
     let [before, beyond] = [0, 1].map(side);
@@ -154,7 +157,7 @@ fn inside(simulation: &mut Simulation) -> (usize, f64) {
     let body = &simulation.bodies[0];
     let at = |node: usize| DVec3::from_array(body.wound.rest[node]) + DVec3::new(u[node][0], u[node][1], u[node][2]);
     let parts = &body.wound.surface.parts;
-    let mut nodes: Vec<u32> = faces(parts).into_iter().flat_map(|face| face.nodes).collect();
+    let mut nodes: Vec<u32> = faces(parts, &body.wound.surface.alive).into_iter().flat_map(|face| face.nodes).collect();
     nodes.sort_unstable();
     nodes.dedup();
     let cells: Vec<[usize; 8]> = (0..body.model.grid.cell_count()).map(|cell| parts.corners(cell)).collect();

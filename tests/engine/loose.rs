@@ -62,7 +62,7 @@ fn a_small_piece_rests_on_a_wall() {
 }
 
 /// A piece that stays on the bed that it is cut from is borne by it: its nodes move as the piece does and not as those of the bed beside them,
-/// whose compliance is a hundredth.
+/// whose compliance is a thousandth.
 #[test]
 fn a_small_piece_rests_on_the_bed_it_is_cut_from() {
     for corner in CORNERS {

@@ -18,12 +18,7 @@ pub fn parted(scene: Scene, platform: &Platform, corner: [f64; 3]) -> (Simulatio
 }
 
 /// The same under another acceleration along z.
-pub fn parted_under(
-    gravity: f64,
-    mut scene: Scene,
-    platform: &Platform,
-    corner: [f64; 3],
-) -> (Simulation, Vec<usize>) {
+pub fn parted_under(gravity: f64, mut scene: Scene, platform: &Platform, corner: [f64; 3]) -> (Simulation, Vec<usize>) {
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     (scene.time.gravity, scene.time.step) = ([0.0, 0.0, gravity], STEP);
     (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.1, 0.01);

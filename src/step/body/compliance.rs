@@ -7,7 +7,8 @@
 //! rows grows beyond it (64 points on 25 nodes: 1.6e-7, 9.5e-7, 4.2e-6 N for 0.05, 0.2, 0.3).
 //!
 //! Columns are solved in batches, one in each slow pass; a node that contacts newly reach borrows its columns from the nearest node of its piece
-//! that has some, at the same relative positions. (Those of held skin are a thousandth of a crumb's that has come off: it was thrown by 12 mm.) Columns and passes per step of the incision: 1.6 and 1.56 where each new node is solved for in
+//! that has some, at the same relative positions: those of held skin are a thousandth of what a crumb has that has come off, which they threw by
+//! 12 mm. Columns and passes per step of the incision: 1.6 and 1.56 where each new node is solved for in
 //! turn, 0.60 and 1.76 where it borrows, with 6.7 and 6.9 iterations; the needle and the probe solve one batch in all. Blade edges and tips
 //! reach up to ten nodes at once: solved at once, a step spent up to 69 ms in 27 columns. Without any batch in slow passes the incision takes
 //! 2.28 passes and 8.0 iterations. With at most one in a step, a wound that is pressed uses up all passes, and a block that falls by 10 mm
@@ -30,7 +31,7 @@ use crate::scene::{self, Correction};
 use crate::step::{Part, StepReport};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 /// Columns solved at once: three axes of two nodes. Each further one costs every node of the body 112 bytes on the device.
@@ -154,7 +155,8 @@ impl Compliance {
         } else {
             // one batch of each piece where none can lend
             let mut of_piece: BTreeMap<Option<usize>, Vec<u32>> = BTreeMap::new();
-            missing.iter().for_each(|node| of_piece.entry(rest_shape.piece_of(*node)).or_default().push(*node));
+            let in_use = missing.iter().filter(|node| self.known[*node].used == step);
+            in_use.for_each(|node| of_piece.entry(rest_shape.piece_of(*node)).or_default().push(*node));
             self.lenders().for_each(|lender| drop(of_piece.remove(&rest_shape.piece_of(lender))));
             for batch in of_piece.values() {
                 let batch = &batch[..batch.len().min(solving.at_once)];
@@ -247,16 +249,18 @@ impl Compliance {
         let in_use = self.known.iter().filter(|(_, k)| k.used == self.step);
         let in_use: Vec<(u32, bool, Option<usize>)> =
             in_use.map(|(node, k)| (*node, k.solved > 0, rest_shape.piece_of(*node))).collect();
+        let mut loans: BTreeMap<u32, Vec<(DVec3, DMat3)>> = BTreeMap::new();
         for (node, _, piece) in in_use.iter().copied().filter(|(_, solved, _)| !solved) {
             let far = |lender: &u32| position(*lender).distance_squared(position(node));
             let of_piece = lenders.iter().filter(|(_, other)| *other == piece).map(|(lender, _)| *lender);
             let Some(lender) = of_piece.min_by(|a, b| far(a).total_cmp(&far(b))) else { continue };
             let own = self.known[&lender].towards.get(&lender).copied();
             // what it lends, with the position of each relative to it
-            let lends = |to: u32| to != lender && (piece.is_none() || rest_shape.piece_of(to) == piece);
-            let lent = self.known[&lender].towards.iter().filter(|(to, _)| lends(**to));
-            let lent: Vec<(DVec3, DMat3)> =
-                lent.map(|(to, block)| (position(*to) - position(lender), *block)).collect();
+            let lent = loans.entry(lender).or_insert_with(|| {
+                let lends = |to: u32| to != lender && rest_shape.piece_of(to) == piece;
+                let lent = self.known[&lender].towards.iter().filter(|(to, _)| lends(**to));
+                lent.map(|(to, block)| (position(*to) - position(lender), *block)).collect()
+            });
             for (other, ..) in in_use.iter().copied().filter(|(other, _, of)| *other != node && *of == piece) {
                 if !self.known[&node].towards.contains_key(&other) {
                     // the solved columns of the other node may reach this one; of two nodes of a wound's lips none is the other
@@ -275,15 +279,12 @@ impl Compliance {
         }
     }
 
-    /// Drops the columns of nodes that a cut has changed or set free; they borrow others until slow passes solve them anew. The others only age: away from the cut they
-    /// change little, and slow passes renew them.
+    /// Drops the columns of nodes that a cut has changed or set free; they borrow others until slow passes solve them anew. The others only
+    /// age: away from the cut they change little, and slow passes renew them.
     pub fn invalidate(&mut self, nodes: impl Iterator<Item = u32>) {
-        for node in nodes {
-            self.known.remove(&node);
-            self.known.values_mut().for_each(|known| {
-                known.towards.remove(&node);
-            });
-        }
+        let gone: BTreeSet<u32> = nodes.collect();
+        self.known.retain(|node, _| !gone.contains(node));
+        self.known.values_mut().for_each(|known| known.towards.retain(|node, _| !gone.contains(node)));
     }
 
     /// Solves the columns of one batch of nodes anew: of the nodes in use those with the oldest columns, among these the ones under the
@@ -381,6 +382,8 @@ fn nearest(rest_shape: RestShape, node: u32) -> Vec<u32> {
         all.select_nth_unstable_by(AROUND, |a, b| far(a).total_cmp(&far(b)).then(a.cmp(b)));
         all.truncate(AROUND);
     }
+    let piece = rest_shape.piece_of(node);
+    all.retain(|other| rest_shape.piece_of(*other) == piece);
     all
 }
 

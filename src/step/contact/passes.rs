@@ -49,9 +49,9 @@ const SLOW: f64 = 0.5;
 /// Residual of a late step's last pass, in energy and relative to that of the best one, above which the best one is worth a correction more.
 const FAR_BETTER: f64 = 4.0;
 
-/// Residual of a pass, in energy and relative to that of the best one, above which the correction of the best one starts from zero and not from
-/// that of the last, of which rounding would leave nothing; and above which the passes end: a side of layered skin reached 10³⁴ N in ten.
-/// (A `W` that is a thousand times too stiff, as where a piece comes off, takes one such pass; what it observes mends it.)
+/// Residual of a pass, in energy and relative to that of the best one, above which the next correction starts from zero and not from its own, of
+/// which rounding would leave nothing; and above which the passes end: a side of layered skin reached 10³⁴ N in ten. (A `W` that is a thousand
+/// times too stiff takes one such pass; what it observes mends it.)
 const FAR_WORSE: f64 = 1e4;
 const RAN_AWAY: f64 = 1e12;
 
@@ -271,14 +271,16 @@ impl Simulation {
             if best.as_ref().is_none_or(better) {
                 best = Some(pass);
             }
+            // the backends hold the correction of the last pass, which the next one starts from
+            let times_best = |best: &Pass| left / best.residual.energy.max(f64::MIN_POSITIVE);
+            let worse = best.as_ref().map_or(1.0, times_best);
+            if worse.is_nan() || worse > FAR_WORSE {
+                self.bodies.iter_mut().try_for_each(Body::reset_correction)?;
+            }
             // passes or time used up: take the best one
-            let ran_away = |best: &Pass| left.is_nan() || left > RAN_AWAY * best.residual.energy;
-            exhausted = !late && (report.contact.passes >= law.max_passes || best.as_ref().is_some_and(ran_away));
+            let ran_away = worse.is_nan() || worse > RAN_AWAY;
+            exhausted = !late && (report.contact.passes >= law.max_passes || ran_away);
             if let Some(best) = best.take_if(|_| late || exhausted) {
-                // the backends hold the correction of the last pass
-                if left.is_nan() || left > FAR_WORSE * best.residual.energy {
-                    self.bodies.iter_mut().try_for_each(Body::reset_correction)?;
-                }
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
