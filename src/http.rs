@@ -66,25 +66,25 @@ fn admit<F>(listener: &TcpListener, most: usize, stop: &AtomicBool, receive: &F)
 where
     F: Fn(TcpStream, SocketAddr) -> io::Result<()> + Clone + Send + 'static,
 {
-    let mut guests: Vec<JoinHandle<()>> = Vec::new();
+    let mut clients: Vec<JoinHandle<()>> = Vec::new();
     while !stop.load(Ordering::Acquire) {
-        guests.retain(|guest| !guest.is_finished());
+        clients.retain(|client| !client.is_finished());
         let Ok((mut stream, from)) = listener.accept() else {
-            // out of descriptors, for instance: one becomes free when a guest leaves
+            // out of descriptors, for instance: one becomes free when a client leaves
             thread::sleep(SHORT);
             continue;
         };
-        if guests.len() >= most {
+        if clients.len() >= most {
             stream.set_read_timeout(Some(SHORT)).ok();
             refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
             continue;
         }
         let receive = receive.clone();
         // if the handshake fails, closing the connection tells the peer
-        guests.extend(thread::Builder::new().spawn(move || drop(receive(stream, from))));
+        clients.extend(thread::Builder::new().spawn(move || drop(receive(stream, from))));
     }
-    for guest in guests {
-        guest.join().ok();
+    for client in clients {
+        client.join().ok();
     }
 }
 

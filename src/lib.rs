@@ -120,7 +120,7 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
-//! Change a scene during a run, save a state and restore it:
+//! Change a scene during a run, save a state and restore it (a state has no scene: what was changed stays changed):
 //!
 //! ```
 //! # use cutis::step::{Platform, Simulation};
@@ -140,16 +140,21 @@
 //!
 //! Compute on the host program's own wgpu device, which it may also use for drawing:
 //!
-//! ```no_run
-//! # fn host() -> (wgpu::Adapter, wgpu::Device, wgpu::Queue) { unimplemented!() }
-//! use cutis::{gpu::Gpu, step::Simulation, wgpu};
+//! ```
+//! use cutis::gpu::{Gpu, adapters};
+//! use cutis::{step::Simulation, wgpu};
 //! use std::sync::Arc;
 //!
-//! let (adapter, device, queue) = host();
-//! let gpu = Arc::new(Gpu::from_wgpu(adapter, device, queue)?);
-//! let scene = cutis::scene::read("my.toml".as_ref())?;
-//! let mut simulation = Simulation::with_gpu(&scene, gpu.clone())?; // Send: it may run in a thread of its own
-//! simulation.step(false)?;
+//! let Some(adapter) = adapters().into_iter().next() else { return Ok(()) }; // no GPU here
+//! let (adapter, (device, queue)) = adapter.request(&wgpu::DeviceDescriptor::default())?;
+//! let gpu = Gpu::from_wgpu(adapter, device.clone(), queue.clone())?;
+//! let scene = cutis::scene::incision()?.in_test_form();
+//! let mut simulation = Simulation::with_gpu(&scene, Arc::new(gpu))?; // Send: it may run in a thread of its own
+//! for _ in 0..3 {
+//!     simulation.step(false)?;
+//!     let frame = device.create_command_encoder(&Default::default()); // what the host draws
+//!     queue.submit([frame.finish()]);
+//! }
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!

@@ -7,23 +7,21 @@ use crate::scene::{EDGE_SPACING, MOST_NODES, PRECONDITIONER, STEP};
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Refused {
     /// More layers than a uniform binding holds.
-    #[error(
-        "the layers' element matrices: {count} wanted, but layers in one uniform binding is {MAX_LAYERS}; join layers of the same material"
-    )]
+    #[error("{count} layers; at most {MAX_LAYERS} fit into one uniform binding; join layers of the same material")]
     Layers {
         /// Layers of the body.
         count: usize,
     },
 
     /// More nodes than 32-bit indices reach.
-    #[error("the grid's nodes: {count} wanted, but nodes reached by 32-bit indices is {MOST_NODES}; use fewer cells")]
+    #[error("{count} nodes; 32-bit indices reach {MOST_NODES}; use fewer cells")]
     Nodes {
         /// Nodes of the body, including the reserve for cuts.
         count: u64,
     },
 
     /// More quads swept by blades in a step than a GPU accepts.
-    #[error("the blade's pieces: {count} wanted, but swept quads per step is {most}; set a larger edge_spacing_mm")]
+    #[error("the blade sweeps {count} quads in a step; a GPU takes at most {most}; set a larger edge_spacing_mm")]
     SweptQuads {
         /// Quads of this step.
         count: usize,
@@ -32,7 +30,7 @@ pub enum Refused {
     },
 
     /// More links cut in a step than a GPU reports.
-    #[error("the links cut in one step: {count} wanted, but hits per step is {most}; use a shorter step_ms")]
+    #[error("{count} links cut in one step; a GPU reports at most {most}; use a shorter step_ms")]
     CutLinks {
         /// Hits of this step.
         count: usize,
@@ -51,7 +49,7 @@ pub enum Refused {
 
     /// Springs that cannot be fitted to Young's modulus.
     #[error(
-        "the springs of the layer `{layer}` cannot be fitted to its young_kpa: under an even load they come to no rest; give spring_stiffness_n_m, \
+        "the springs of the layer `{layer}` cannot be fitted to its young_kpa: they find no equilibrium under a uniform load; give spring_stiffness_n_m, \
          or mend the mesh (`cutis mesh FILE`)"
     )]
     SpringFit {

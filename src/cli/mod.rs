@@ -466,11 +466,6 @@ fn list_adapters(args: args::Adapters) -> Result<u8> {
     Ok(0)
 }
 
-/// A path as printed, with a separator at the end.
-fn shown(path: &Path) -> String {
-    format!("{}{}", path.display(), std::path::MAIN_SEPARATOR)
-}
-
 /// `cutis haply-mock`: stand-in for Haply's Inverse Service until the program is ended, or standard input where that is asked for.
 fn stand_in(args: &HaplyMock) -> Result<u8> {
     let mut options = Options { port: args.port, tell: Some(tell), keep: args.keep, ..Options::default() };

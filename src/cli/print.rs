@@ -7,6 +7,7 @@
 use super::refused::{Refused, Result};
 use std::fmt::{Display, Write as _};
 use std::io::{self, ErrorKind, Write as _};
+use std::path::Path;
 
 /// Prints whole lines on standard output.
 pub fn lines(text: &str) -> Result<()> {
@@ -60,4 +61,9 @@ fn rust(c: char) -> String {
 
 fn of_json(c: char) -> String {
     format!("\\u{:04x}", u32::from(c))
+}
+
+/// A path as printed, with a separator at the end.
+pub fn shown(path: &Path) -> String {
+    format!("{}{}", path.display(), std::path::MAIN_SEPARATOR)
 }

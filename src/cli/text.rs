@@ -1,5 +1,6 @@
 //! Results as readable text.
 
+use super::print::shown;
 use cutis::gpu::Adapter;
 use cutis::report::Report;
 use cutis::report::compare::Comparison;
@@ -23,11 +24,11 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     };
     let pictures = match summary.frames {
         0 => "no pictures".to_string(),
-        1 => format!("1 picture in {}frames", super::shown(out)),
-        n => format!("{n} pictures in {}frames", super::shown(out)),
+        1 => format!("1 picture in {}frames", shown(out)),
+        n => format!("{n} pictures in {}frames", shown(out)),
     };
     let ticks = ticks(r);
-    format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", super::shown(out))
+    format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", shown(out))
 }
 
 /// Table of what the steps cost.
@@ -152,7 +153,7 @@ pub fn study(s: &Study, out: &Path) -> String {
     for line in s.advice() {
         writeln!(text, "{line}").ok();
     }
-    writeln!(text, "{}: study.csv, study.md, study.svg", super::shown(out)).ok();
+    writeln!(text, "{}: study.csv, study.md, study.svg", shown(out)).ok();
     text
 }
 
@@ -171,7 +172,7 @@ pub fn verification(page: &Page, out: Option<&Path>) -> String {
     let bounded = page.rows.iter().filter(|row| row.bound.is_finite()).count();
     writeln!(text, "\n{} of {bounded} bounds are met", bounded - page.missed().len()).ok();
     if let Some(out) = out {
-        writeln!(text, "{}: verification.md, verification.csv, verification.json", super::shown(out)).ok();
+        writeln!(text, "{}: verification.md, verification.csv, verification.json", shown(out)).ok();
     }
     text
 }

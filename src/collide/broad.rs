@@ -1,4 +1,4 @@
-//! Broad phase: bounding boxes of a body's tiles, in a tree that is built once and refitted as the skin moves.
+//! Broad phase: bounding boxes of a body's tiles, in a tree that is built once and refitted as the skin moves (van den Bergen 1997).
 //!
 //! A tile ([`crate::kernels::bounds`]) with rest box `R` whose nodes' displacements lie between `l` and `g` is contained in
 //! `[R.low + l, R.high + g]`, for any motion: skin is found wherever it has moved to. A tile is whole columns of cells, so its box contains

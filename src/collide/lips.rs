@@ -9,10 +9,8 @@
 //! with that face, along the face's normal, whatever its own is: the nearest such, unless it is about the one before. At the front of a cut,
 //! where the faces of both lips meet, a node lies between both and is held by the tissue before it; it has no normal and no contact.
 //!
-//! Three crossing cuts with a flap, 12, 14, 16 and 18 cells across, four moduli each that differ by 1e-4: in every fifth step 1,080 nodes in sum are
-//! inside of a foreign cell, by 0.4 µm in the mean; the deepest of a run by 0.02 to 0.05 mm, on 18 cells 0.15. Without contacts by cells 1,109 nodes,
-//! 2.7 µm, 0.06 to 0.13 and 0.24 to 0.36 mm. On 15 and 20 cells, whose cuts leave strands of single cells, 0.15 to 0.31 mm in both. (Measured with
-//! contacts by cells at fronts, too. These turned from one lip to the other and pushed lips together that were drawn apart.)
+//! How far they pass through each other: `benches/results/two_cores/lips.md` (`cargo bench --bench lips`).
+//! Source: own; node-to-surface contact with averaged nodal normals (as in mortar methods: Puso, Laursen 2004).
 //!
 //! Behind every face there is tissue, and the far side of a thin flap faces it from there. Such a node was behind the face at rest, and
 //! does not touch it.

@@ -2,8 +2,8 @@
 //! tools. (A blade cuts its own way in; its samples, blunt blades and the corners of boxes have the nearest surface.)
 //!
 //! What is inside has come in through the surface: the way from where a sample was last outside, carried by the skin since, enters the
-//! surface. The nearest surface alone cannot tell: in skin that is pressed flat the far side is the nearest, and over a fold of cells that are
-//! crushed at an edge all of the air is inside. Nor can that way alone, where a fold springs back: to enter, the nearest surface or the way in
+//! surface. The nearest surface alone cannot tell: in skin that is pressed flat the far side is the nearest, and near a fold of cells that are
+//! crushed at an edge points outside are classified as inside. Nor can that way alone, where a fold springs back: to enter, the nearest surface or the way in
 //! the world must agree. A sample inside is pushed out along the normal of the nearest surface that looks to where it came in. A sample
 //! without a past has the nearest surface alone.
 //!
@@ -21,6 +21,7 @@
 //! The capsules hook into a corner that is held on two sides, between walls that cannot give way; warnings say so. The others are thrown by 1 to
 //! 2 N. Tried: leaving, too, only where two of the three agree, and only surfaces that the sample is behind; then 9 to 16 of the 60 tools of
 //! lines are thrown, since the surface that they are pushed out of is chosen from step to step.
+//! Source: own; sides carried in time instead of continuous collision detection (Provot 1997).
 //! Units: m.
 
 use super::{Patch, meets};

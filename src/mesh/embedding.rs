@@ -243,9 +243,9 @@ fn ends<const N: usize>(values: [f64; N]) -> [f64; 2] {
     values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
 }
 
-/// Number of the cell at a place along x or y, of `count` about the middle.
-fn number(place: f64, edge: f64, count: usize) -> usize {
-    (place / edge + 0.5 * count as f64).floor().clamp(0.0, (count - 1) as f64) as usize
+/// Index of the cell at a coordinate along x or y, of `count` about the middle.
+fn number(coordinate: f64, edge: f64, count: usize) -> usize {
+    (coordinate / edge + 0.5 * count as f64).floor().clamp(0.0, (count - 1) as f64) as usize
 }
 
 /// `[level × width]` what is inside of a row of cells: of each cell the integral of what is below the triangles that face up, less that of

@@ -54,7 +54,7 @@ impl Grid {
         }
     }
 
-    /// The nodes of a mesh in one row, each a column of its own, without cells: what is of cells does nothing, and the mesh has tetrahedra in their place.
+    /// The nodes of a mesh in one row, each a column of its own, without cells: the tetrahedra of the mesh are its elements.
     fn of_mesh(mesh: &Arc<TetrahedralMesh>) -> Self {
         let [x, y, z] = mesh.size();
         Self {

@@ -178,8 +178,8 @@ impl Pit {
         self.cells.is_empty()
     }
 
-    /// What is reached of some present cells, in ascending order, and of the surface at their nodes, of which `faces` are; `moved` has the
-    /// nodes' displacements, m.
+    /// What the tool reaches: of some present cells, in ascending order, and of the surface nodes of their `faces`; `moved` has the nodes'
+    /// displacements, m.
     pub fn reached(
         &self,
         tissue: Tissue,

@@ -1,6 +1,5 @@
 //! Errors of runs, comparisons and studies.
 
-use crate::error::Error;
 use crate::scene::Scene;
 use std::io;
 use std::path::PathBuf;
@@ -47,9 +46,9 @@ pub enum Refused {
         free: u64,
     },
 
-    /// Step that nobody waits for.
+    /// Step too long for the wall clock.
     #[error(
-        "{at}: steps of {step} s by the wall clock; at most {most} s are waited for; take a shorter step_ms, or leave out --realtime"
+        "{at}: steps of {step} s; the longest step by the wall clock is {most} s; take a shorter step_ms, or leave out --realtime"
     )]
     StepInRealTime {
         /// Where.
@@ -143,7 +142,7 @@ pub enum Refused {
 
     /// Check on an unknown key.
     #[error(
-        "{at}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME"
+        "{at}: [check] names `{key}`, which is not a number of the report; name one of {known}, warnings.NAME or probes.NAME"
     )]
     UnknownCheck {
         /// Where.
@@ -341,7 +340,7 @@ pub enum StudyUnfit {
 
 impl StudyUnfit {
     /// Error of a study of a scene for this reason.
-    pub(super) fn of(self, scene: &Scene) -> Error {
-        Refused::Study { path: scene.file.clone(), unfit: self }.into()
+    pub(super) fn of(self, scene: &Scene) -> Refused {
+        Refused::Study { path: scene.file.clone(), unfit: self }
     }
 }

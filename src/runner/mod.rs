@@ -407,13 +407,11 @@ pub enum Refused {
     AttachedToNothing,
 
     /// Run started twice.
-    #[error("a run is started that has begun; make a new one")]
+    #[error("the run has already started; make a new one")]
     StartedTwice,
 
     /// Step after the run was stopped.
-    #[error(
-        "a step is asked of a run that was stopped, whose devices are gone; make a new one; its state may be this one's"
-    )]
+    #[error("the run was stopped and its devices are closed; make a new one, which may restore this one's state")]
     Stopped,
 
     /// State of a run that cannot be restored.

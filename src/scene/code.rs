@@ -3,6 +3,8 @@
 mod tool;
 
 use super::invalid::{Invalid, Result};
+use super::outputs::LARGEST_PICTURE;
+use super::tools::MOST_TICKS;
 use super::*;
 use crate::error;
 use std::fmt::Display;
@@ -262,6 +264,12 @@ impl Scene {
         time.positive("duration", &[self.time.duration])?;
         time.finite("gravity", &self.time.gravity)?;
         time.at_least_one("substeps", &[self.time.substeps])?;
+        let steps = self.time.duration / self.time.step;
+        time.of("duration, step").that(
+            steps <= f64::from(u32::MAX),
+            format!("{steps:.0} steps"),
+            "at most 4294967295 steps",
+        )?;
         let solver = scene.of("solver");
         solver.fraction("tolerance", self.solver.tolerance)?;
         solver.not_negative("floor", &[self.solver.floor])?;
@@ -285,12 +293,12 @@ impl Scene {
                 "without x or y",
                 "with both where nodes are turned",
             )?;
-            check_region(&part.of("region"), &boundary.region)?;
+            self.check_region(&part, boundary.body, &boundary.region)?;
         }
         for (k, spring) in self.rest_springs.iter().enumerate() {
             several("rest_springs", k).index("body", spring.body, skins)?;
             several("rest_springs", k).positive("stiffness", &[spring.stiffness])?;
-            check_region(&several("rest_springs", k).of("region"), &spring.region)?;
+            self.check_region(&several("rest_springs", k), spring.body, &spring.region)?;
             let lumped = self.skins[spring.body].mass != Mass::Consistent;
             let part = several("rest_springs", k);
             part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
@@ -300,7 +308,7 @@ impl Scene {
             let part = several("inclusions", k);
             part.index("body", inclusion.body, skins)?;
             part.positive("young", &[inclusion.young])?;
-            check_region(&part.of("region"), &inclusion.region)?;
+            self.check_region(&part, inclusion.body, &inclusion.region)?;
             let solid = matches!(inclusion.region, Region::Sphere { .. } | Region::Box { .. });
             part.of("region").that(solid, "neither a sphere nor a box", "one of them")?;
             let large = matches!(self.skins[inclusion.body].law, Law::Hyperelastic(_));
@@ -312,7 +320,7 @@ impl Scene {
             let part = several("loads", k);
             part.index("body", load.body, skins)?;
             part.of("start, end").that(load.start < load.end, "in the wrong order", "rising")?;
-            check_region(&part.of("region"), &load.region)?;
+            self.check_region(&part, load.body, &load.region)?;
             if let Region::Box { min, max } = load.region {
                 let area = (0..3).filter(|axis| min[*axis] < max[*axis]).count() > 1;
                 part.of("region.min, max").that(area, "without an area", "corners of a rectangle or of a box")?;
@@ -337,7 +345,7 @@ impl Scene {
             let part = several("attachments", k);
             part.index("body", attachment.body, skins)?;
             self.check_body(&part.of("to"), attachment.to)?;
-            check_region(&part.of("region"), &attachment.region)?;
+            self.check_region(&part, attachment.body, &attachment.region)?;
             part.of("to").that(
                 attachment.to != BodyId::Deformable(attachment.body),
                 "the body itself",
@@ -353,10 +361,19 @@ impl Scene {
             self.check_probe(&several("probes", k), &probe.kind)?;
         }
         scene.of("haptic").positive("rate", &[self.haptic.rate])?;
+        let (ticks, held) = (self.time.step * self.haptic.rate, self.tools.iter().any(|tool| tool.free.is_none()));
+        scene.of("haptic.rate").that(
+            !held || ticks <= MOST_TICKS,
+            format!("{ticks:.0} ticks a step"),
+            "at most 100000 ticks a step",
+        )?;
         // the view, and what the study refers to
         let view = scene.of("view");
         view.at_least_one("size", &self.view.size)?;
+        let most = self.view.size[0].max(self.view.size[1]);
+        view.of("size").that(most <= LARGEST_PICTURE, most, "at most 8192 pixels")?;
         view.finite("eye, target", &[self.view.eye, self.view.target].concat())?;
+        view.of("eye").that(self.view.eye != self.view.target, "the target", "apart from the target")?;
         let angle = self.view.field_of_view;
         view.of("field_of_view").that(angle > 0.0 && angle < 180.0, angle, "degrees between 0 and 180")?;
         let odd = |k: &usize| *k >= self.probes.len();
@@ -408,6 +425,10 @@ impl Scene {
             Start::Twist(angle) => part.of("start").finite("angle", &[angle])?,
             Start::Rest | Start::Flat | Start::Inverted => {}
         }
+        if let Law::LargeTetra { element, .. } = skin.law {
+            let of_tetrahedra = matches!(element, Element::Tetra | Element::PlainTetra);
+            part.of("law.element").that(of_tetrahedra, "of hexahedra", "Tetra or PlainTetra")?;
+        }
         let linear = matches!(skin.law, Law::Fem { .. });
         part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")
     }
@@ -441,14 +462,14 @@ impl Scene {
             },
         }
         // point or region, axis or component
-        kind.region().map_or(Ok(()), |(_, region)| check_region(&part.of("region"), region))?;
+        kind.region().map_or(Ok(()), |(body, region)| self.check_region(part, body, region))?;
         match kind {
-            ProbeKind::Displacement { point, axis, .. } => {
-                part.finite("point", point)?;
+            ProbeKind::Displacement { body, point, axis } => {
+                self.check_point(part, *body, *point)?;
                 part.index("axis", *axis, 3)
             }
             ProbeKind::Strain { body, point, component } | ProbeKind::Stress { body, point, component } => {
-                part.finite("point", point)?;
+                self.check_point(part, *body, *point)?;
                 let stress = matches!(kind, ProbeKind::Stress { .. });
                 match component {
                     Component::Entry(i, j) => part.index("component", *i.max(j), 3)?,
@@ -471,6 +492,40 @@ impl Scene {
         }
     }
 
+    /// A probe's point is one of its body's material.
+    fn check_point(&self, part: &Part, body: usize, point: [f64; 3]) -> Result<()> {
+        part.finite("point", &point)?;
+        let holds = self.skins[body].holds(point);
+        part.of("point").that(holds, format!("{point:?}"), "a point of the body at rest")
+    }
+
+    /// Checks the region of a part in a body.
+    fn check_region(&self, part: &Part, body: usize, region: &Region) -> Result<()> {
+        let part = part.of("region");
+        match region {
+            Region::Box { min, max } => part.finite("min, max", &[*min, *max].concat()),
+            Region::Sphere { centre, radius } => {
+                part.finite("centre", centre)?;
+                part.positive("radius", &[*radius])
+            }
+            Region::Plane { through, normal, within } => {
+                part.finite("through", through)?;
+                part.unit("normal", normal)?;
+                part.not_negative("within", &[*within])
+            }
+            Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
+            Region::Group(group) => {
+                let skin = &self.skins[body];
+                let nodes = skin.mesh.as_ref().map_or(0, |mesh| mesh.nodes().len());
+                let odd = group.nodes().iter().find(|node| skin.embedded.is_none() && **node as usize >= nodes);
+                odd.map_or(Ok(()), |node| {
+                    Err(part.refuse(format!("a group with node {node}"), "one of nodes of its body's mesh"))
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
         super::embedded::fits(self)?;
@@ -490,6 +545,9 @@ impl Scene {
         let moves = self.tools.iter().any(moves) || self.skins.is_empty();
         let fits = !moves || self.time.integrator != Integrator::Static;
         integrator.that(fits, "Static", "another with free rigid bodies or blades, or without deformable bodies")?;
+        let dynamic = |skin: &Skin| skin.breaks() || skin.velocity != [0.0; 3];
+        let fits = self.time.integrator != Integrator::Static || !self.skins.iter().any(dynamic);
+        integrator.that(fits, "Static", "another where springs break or a body moves at the start")?;
         let fits = self.skins.iter().all(|skin| self.time.integrator.fits(skin.law));
         integrator.that(fits, "Newmark or Midpoint", "one that is stable with the law (`Integrator::fits`)")?;
         if self.time.integrator == Integrator::SymplecticEuler {
@@ -519,23 +577,6 @@ impl Scene {
         let Some((number, what)) = unfit else { return Ok(()) };
         let found = format!("of \"{}\", which cannot carve: {what}", self.tools[number].name);
         Err(scene.of(format!("tools[{number}].carve")).refuse(found, "None, or as this says"))
-    }
-}
-
-fn check_region(part: &Part, region: &Region) -> Result<()> {
-    match region {
-        Region::Box { min, max } => part.finite("min, max", &[*min, *max].concat()),
-        Region::Sphere { centre, radius } => {
-            part.finite("centre", centre)?;
-            part.positive("radius", &[*radius])
-        }
-        Region::Plane { through, normal, within } => {
-            part.finite("through", through)?;
-            part.unit("normal", normal)?;
-            part.not_negative("within", &[*within])
-        }
-        Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
-        _ => Ok(()),
     }
 }
 

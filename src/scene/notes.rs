@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 /// Share of a step by which a duration may miss a multiple of it; decimal numbers of the file are rounded to 10⁻¹⁶ of their value.
 const WHOLE: f64 = 1e-6;
 
-/// Poisson's ratio above which tetrahedra are not for: errors in `bodies::tetrahedra`.
+/// Poisson's ratio above which tetrahedra are inaccurate: errors in `bodies::tetrahedra`.
 const MOST_OF_TETRAHEDRA: f64 = 0.49;
 
 /// Sizes of bodies that a file is likely to mean, m.
@@ -55,7 +55,7 @@ impl Tool {
 
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds them and nothing is in their way, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that
+    /// holds or supports them, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that
     /// is led backward. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];

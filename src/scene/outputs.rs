@@ -17,7 +17,7 @@ const VIEW_DIRECTION: [f64; 3] = [0.5, -0.7, 0.51];
 /// Margin around the bodies in the default picture.
 const VIEW_MARGIN: f64 = 1.1;
 /// Largest side of a picture; GPUs reject larger textures.
-const LARGEST_PICTURE: u32 = 8192;
+pub(super) const LARGEST_PICTURE: u32 = 8192;
 /// Smallest and largest field of view, degrees; beyond them a picture is noise or a fisheye.
 const FIELD_OF_VIEW: [f64; 2] = [1.0, 150.0];
 

@@ -156,17 +156,22 @@ fn carve(scene: &SceneText, raw: raw::Carve) -> Result<Carve> {
 /// Principal moments of inertia, kg·m²; none is more than the other two together.
 fn inertia(scene: &SceneText, raw: &raw::Numbers) -> Result<[f64; 3]> {
     let moments = scene.vector("inertia_g_mm2", raw, G_MM2, Bound::Positive)?;
-    let (largest, sum) = (moments.into_iter().fold(0.0, f64::max), moments.iter().sum::<f64>());
-    let others = sum - largest;
     let in_g_mm2 = |moment: f64| (moment * 1e15).round() / 1e6;
-    match largest > others * (1.0 + ROUNDED) {
-        true => Err(Invalid::Inertia {
+    match too_large(moments) {
+        Some([largest, others]) => Err(Invalid::Inertia {
             at: scene.location(raw.span()),
             largest: in_g_mm2(largest),
             others: in_g_mm2(others),
         }),
-        false => Ok(moments),
+        None => Ok(moments),
     }
+}
+
+/// The largest moment of inertia and the sum of the others, where no body has such moments.
+pub(super) fn too_large(moments: [f64; 3]) -> Option<[f64; 2]> {
+    let (largest, sum) = (moments.into_iter().fold(0.0, f64::max), moments.iter().sum::<f64>());
+    let others = sum - largest;
+    (largest > others * (1.0 + ROUNDED)).then_some([largest, others])
 }
 
 /// First tool that carves and cannot, by its number, with the reason and the remedy.
@@ -262,7 +267,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Most ticks of a step: 100 s at 1 kHz. Each is a row of `haptic.csv`, of some 100 bytes.
-const MOST_TICKS: f64 = 1e5;
+pub(super) const MOST_TICKS: f64 = 1e5;
 
 /// Refuses steps with too many ticks.
 pub(super) fn ticks(scene: &SceneText, step_ms: Range<usize>, step: f64, rate: f64, tools: &[Tool]) -> Result<()> {

@@ -24,10 +24,10 @@ use tungstenite::{Message, WebSocket};
 const PAGE: &str = include_str!("page.html");
 
 /// Most connections at once.
-const MOST_GUESTS: usize = 16;
+const MOST_CLIENTS: usize = 16;
 /// Texts that wait for a page; beyond, the oldest goes.
 const MOST_TEXTS: usize = 16;
-/// Messages that are no commands after which a page is sent away.
+/// Messages that are no commands after which a page is disconnected.
 const MOST_FAULTS: u32 = 100;
 /// Frames on their way to a page that it has not drawn yet.
 const AHEAD: u32 = 2;
@@ -56,7 +56,7 @@ struct Mailbox {
     texts: VecDeque<Arc<str>>,
 }
 
-struct Guest {
+struct Client {
     number: u64,
     mailbox: Mutex<Mailbox>,
 }
@@ -71,7 +71,7 @@ struct Shared {
 
 #[derive(Default)]
 struct Rooms {
-    guests: Vec<Arc<Guest>>,
+    clients: Vec<Arc<Client>>,
     invited: u64,
     /// The scene, JSON, and the newest frame: what a page that joins gets first.
     scene: Option<Arc<str>>,
@@ -109,7 +109,7 @@ impl Hub {
         });
         let inside = shared.clone();
         let receive = move |stream, _| inside.receive(stream);
-        let door = Door::open("serve", listener, MOST_GUESTS, &shared.stop, receive).map_err(refused)?;
+        let door = Door::open("serve", listener, MOST_CLIENTS, &shared.stop, receive).map_err(refused)?;
         Ok(Self { door, shared, commands })
     }
 
@@ -127,8 +127,8 @@ impl Hub {
     }
 
     /// Number of pages that are open.
-    pub fn guests(&self) -> usize {
-        lock(&self.shared.rooms).guests.len()
+    pub fn clients(&self) -> usize {
+        lock(&self.shared.rooms).clients.len()
     }
 
     /// Has every page begin with this scene, JSON.
@@ -137,13 +137,13 @@ impl Hub {
         let rooms = &mut *lock(&self.shared.rooms);
         rooms.scene = Some(scene.clone());
         rooms.newest = None;
-        rooms.guests.iter().for_each(|guest| guest.tell(scene.clone()));
+        rooms.clients.iter().for_each(|client| client.tell(scene.clone()));
     }
 
     /// Shows a frame to all pages.
     pub fn show(&self, frame: Frame) {
         let rooms = &mut *lock(&self.shared.rooms);
-        rooms.guests.iter().for_each(|guest| lock(&guest.mailbox).frame = Some(frame.clone()));
+        rooms.clients.iter().for_each(|client| lock(&client.mailbox).frame = Some(frame.clone()));
         rooms.newest = Some(frame);
     }
 
@@ -151,8 +151,8 @@ impl Hub {
     pub fn tell(&self, to: Option<u64>, text: &str) {
         let text: Arc<str> = text.into();
         let rooms = lock(&self.shared.rooms);
-        let named = rooms.guests.iter().filter(|guest| to.is_none_or(|number| number == guest.number));
-        named.for_each(|guest| guest.tell(text.clone()));
+        let named = rooms.clients.iter().filter(|client| to.is_none_or(|number| number == client.number));
+        named.for_each(|client| client.tell(text.clone()));
     }
 
     /// Motion of the hands, which `/motion.csv` answers.
@@ -161,7 +161,7 @@ impl Hub {
     }
 }
 
-impl Guest {
+impl Client {
     fn tell(&self, text: Arc<str>) {
         let texts = &mut lock(&self.mailbox).texts;
         if texts.len() == MOST_TEXTS {
@@ -209,9 +209,9 @@ impl Shared {
         let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
         let socket = tungstenite::accept_with_config(stream, Some(config)).map_err(io::Error::other)?;
         socket.get_ref().set_read_timeout(Some(SLICE))?;
-        let guest = self.invite();
-        self.talk(socket, &guest);
-        lock(&self.rooms).guests.retain(|other| other.number != guest.number);
+        let client = self.invite();
+        self.talk(socket, &client);
+        lock(&self.rooms).clients.retain(|other| other.number != client.number);
         Ok(())
     }
 
@@ -221,17 +221,17 @@ impl Shared {
         trajectory(&self.motion, asked)
     }
 
-    fn invite(&self) -> Arc<Guest> {
+    fn invite(&self) -> Arc<Client> {
         let rooms = &mut *lock(&self.rooms);
         rooms.invited += 1;
         let mailbox = Mailbox { frame: rooms.newest.clone(), texts: rooms.scene.iter().cloned().collect() };
-        let guest = Arc::new(Guest { number: rooms.invited, mailbox: Mutex::new(mailbox) });
-        rooms.guests.push(guest.clone());
-        guest
+        let client = Arc::new(Client { number: rooms.invited, mailbox: Mutex::new(mailbox) });
+        rooms.clients.push(client.clone());
+        client
     }
 
     /// Takes commands and sends what waits, until one of both leaves.
-    fn talk(&self, mut socket: WebSocket<TcpStream>, guest: &Guest) {
+    fn talk(&self, mut socket: WebSocket<TcpStream>, client: &Client) {
         let (mut sent, mut drawn, mut has, mut faults) = (0u32, 0u32, 0u32, 0);
         while !self.stopped() {
             let fault = match socket.read() {
@@ -240,7 +240,7 @@ impl Shared {
                         drawn = count;
                         None
                     }
-                    Ok(command) => self.pass(guest.number, command).err(),
+                    Ok(command) => self.pass(client.number, command).err(),
                     Err(words) => Some(words),
                 },
                 Ok(Message::Binary(_)) => Some("no command: binary".into()),
@@ -256,11 +256,11 @@ impl Shared {
                 if faults > MOST_FAULTS {
                     break;
                 }
-                guest.tell(serde_json::json!({ "error": words }).to_string().into());
+                client.tell(serde_json::json!({ "error": words }).to_string().into());
             }
             // texts, then the newest frame if the page keeps up; its surface first if that is new to the page
             let (texts, frame) = {
-                let mailbox = &mut *lock(&guest.mailbox);
+                let mailbox = &mut *lock(&client.mailbox);
                 let keeps_up = sent.wrapping_sub(drawn) < AHEAD;
                 (std::mem::take(&mut mailbox.texts), if keeps_up { mailbox.frame.take() } else { None })
             };
@@ -280,8 +280,8 @@ impl Shared {
         socket.close(None).and_then(|()| socket.flush()).ok();
     }
 
-    fn pass(&self, guest: u64, command: Command) -> std::result::Result<(), String> {
-        self.commands.try_send((guest, command)).map_err(|error| match error {
+    fn pass(&self, client: u64, command: Command) -> std::result::Result<(), String> {
+        self.commands.try_send((client, command)).map_err(|error| match error {
             TrySendError::Full(_) => "too many commands wait; send fewer".into(),
             TrySendError::Disconnected(_) => "the session has ended".into(),
         })

@@ -55,11 +55,11 @@ impl Audience for Pages {
     }
 
     fn watchers(&self) -> usize {
-        self.hub.guests()
+        self.hub.clients()
     }
 
     fn is_ready(&self) -> bool {
-        self.hub.guests() > 0
+        self.hub.clients() > 0
     }
 
     fn begin(&mut self, scene: &Scene, held: &[bool]) {

@@ -27,7 +27,7 @@ pub(super) struct Tie {
     contact: Contact,
     /// Attachment point on the second body: in the frame of a rigid body, in the world for a wall or the world.
     attachment_point: DVec3,
-    /// Of the rest-shape spring beside the tie, along x, y and z, N/m: what is open of the tie it bears.
+    /// Of the rest-shape spring parallel to the tie, along x, y and z, N/m: it bears the gap that the constraint leaves.
     stiffness: DVec3,
 }
 

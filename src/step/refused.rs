@@ -53,7 +53,7 @@ pub enum Refused {
     },
 
     /// Change of the step of a running simulation.
-    #[error("a running simulation is given a step of another length; make a new one with that step")]
+    #[error("the step length of a running simulation cannot change; make a new one with that step")]
     OtherStep,
 
     /// Static step without balance.

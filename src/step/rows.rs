@@ -3,6 +3,7 @@
 //! Each law has one to three rows, along the first axes of its contact; the rows of all contacts follow each other. With the sign + for the
 //! first body and − for the second, `J` is `(axis, arm × axis)` for a rigid body, the axis at the nodes of the material point times their
 //! weights for a deformable one, and zero for a wall. `W = Σ_bodies J C Jᵀ` with each body's own compliance `C`; only rows couple bodies.
+//! Source: Saupin, Duriez, Cotin 2008 (contact by the compliance of the bodies, and a correction).
 
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;

@@ -1,6 +1,6 @@
 //! Scan conversion: the nearest triangle and line at each sample of a band of rows.
 //!
-//! Corners are snapped to 1/256 of a sample, so that edge functions are exact and triangles with a common edge leave no gap.
+//! Corners are snapped to 1/256 of a sample, so that edge functions (Pineda 1988) are exact and triangles with a common edge leave no gap.
 
 use super::View;
 use crate::error::Result;

@@ -30,7 +30,7 @@ pub struct Read {
     pub plays: bool,
 }
 
-/// Way and turn, m and rad, of a tool over some time, as seen by a camera whose level axes are `right` and `forward`.
+/// Displacement and rotation, m and rad, of a tool over some time, as seen by a camera whose level axes are `right` and `forward`.
 pub fn moved(sticks: [[f64; 2]; 2], [right, forward]: [DVec3; 2], time: Duration) -> (DVec3, f64) {
     // slow near the middle, where a blade is guided
     let curved = |v: f64| {

@@ -1,9 +1,10 @@
 //! The lips of a wound do not pass through each other.
 
+use crate::inside::inside;
 use cutis::bodies::Model;
 use cutis::collide::lips::{contacts, faces};
 use cutis::kernels::cut::Hit;
-use cutis::mesh::{Surface, trilinear};
+use cutis::mesh::Surface;
 use cutis::scene::{Files, Scene, parse};
 use cutis::step::{Platform, Simulation};
 use glam::DVec3;
@@ -151,58 +152,6 @@ fn lips_that_have_slid_by_more_than_a_cell_still_meet() {
     }
 }
 
-/// Nodes of the wound that are inside of a cell that is none of theirs, and the depth of the deepest in it, m.
-fn inside(simulation: &mut Simulation) -> (usize, f64) {
-    let u = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u;
-    let body = &simulation.bodies[0];
-    let at = |node: usize| DVec3::from_array(body.wound.rest[node]) + DVec3::new(u[node][0], u[node][1], u[node][2]);
-    let parts = &body.wound.surface.parts;
-    let mut nodes: Vec<u32> = faces(parts, &body.wound.surface.alive).into_iter().flat_map(|face| face.nodes).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    let cells: Vec<[usize; 8]> = (0..body.model.grid.cell_count()).map(|cell| parts.corners(cell)).collect();
-    let depth = |node: u32| {
-        let p = at(node as usize);
-        let foreign = cells.iter().filter(|corners| !corners.contains(&(node as usize)));
-        foreign.filter_map(|corners| depth_in(corners.map(&at), p)).fold(0.0, f64::max)
-    };
-    let depths: Vec<f64> = nodes.into_iter().map(depth).filter(|depth| *depth > 0.0).collect();
-    (depths.len(), depths.iter().fold(0.0, |a, b| a.max(*b)))
-}
-
-/// Depth of a point in a hexahedron, m: of the distances to its three pairs of opposite faces the least; none outside of it.
-fn depth_in(corners: [DVec3; 8], p: DVec3) -> Option<f64> {
-    let low = corners.iter().copied().reduce(DVec3::min)?;
-    let high = corners.iter().copied().reduce(DVec3::max)?;
-    if (low - p).max(p - high).max_element() > 0.0 {
-        return None;
-    }
-    // Newton's method for the natural coordinates
-    let mut natural = [0.5; 3];
-    let mut edges = [DVec3::ZERO; 3];
-    for _ in 0..12 {
-        let weights = trilinear(natural);
-        let here: DVec3 = corners.iter().zip(weights).map(|(c, w)| *c * w).sum();
-        edges = [0, 1, 2].map(|axis| {
-            let end = |value: f64| {
-                let mut at = natural;
-                at[axis] = value;
-                corners.iter().zip(trilinear(at)).map(|(c, w)| *c * w).sum::<DVec3>()
-            };
-            end(1.0) - end(0.0)
-        });
-        let jacobian = glam::DMat3::from_cols(edges[0], edges[1], edges[2]);
-        if jacobian.determinant().abs() < 1e-30 {
-            return None;
-        }
-        let change = jacobian.inverse() * (p - here);
-        (0..3).for_each(|axis| natural[axis] = (natural[axis] + change[axis]).clamp(-1.0, 2.0));
-    }
-    let depth = |axis: usize| natural[axis].min(1.0 - natural[axis]) * edges[axis].length();
-    let depth = depth(0).min(depth(1)).min(depth(2));
-    (depth > 0.0).then_some(depth)
-}
-
 /// Cuts an S, a cross and a corner that is lifted off its bed: how many nodes of the wound are inside of foreign cells, summed over every
 /// fifth step, and the deepest of them, m.
 fn shapes(lips: bool) -> (usize, f64) {
@@ -218,8 +167,8 @@ fn shapes(lips: bool) -> (usize, f64) {
             .map(|name| report.warnings.get(name).copied().unwrap_or(0));
         assert_eq!(found, [0; 4], "at {} s: {:?}", report.time, report.warnings);
         if step % 5 == 4 {
-            let (count, depth) = inside(&mut simulation);
-            (nodes, deepest) = (nodes + count, deepest.max(depth));
+            let depths = inside(&mut simulation);
+            (nodes, deepest) = (nodes + depths.len(), depths.iter().fold(deepest, |a, b| a.max(*b)));
         }
     }
     (nodes, deepest)

@@ -18,6 +18,8 @@ mod features;
 mod fitted;
 mod halves;
 mod incision;
+#[path = "../shared/inside.rs"]
+mod inside;
 mod lips;
 mod loose;
 mod many_points;

@@ -1,8 +1,8 @@
 //! Scenes in code: the defaults are those of scene files, and what cannot run is refused with words, not by a panic.
 
 use cutis::scene::{
-    Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load,
-    LoadKind, Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+    Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Group, Law, Layer,
+    Lines, Load, LoadKind, Material, Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -90,6 +90,7 @@ fn blade(scene: &mut Scene) -> &mut Blade {
 #[test]
 fn what_cannot_run_is_refused_with_words() {
     let springs = Law::Springs { stiffness: Some(f64::NAN), damping: 0.0 };
+    let bricks = Law::LargeTetra { material: Material::NeoHookean, element: Element::Bbar };
     let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
     let strain = |component| ProbeKind::Strain { body: 0, point: [0.0; 3], component };
     let stress = |body| ProbeKind::Stress { body, point: [0.0; 3], component: Component::VonMises };
@@ -101,6 +102,7 @@ fn what_cannot_run_is_refused_with_words() {
     let path = |times: [f64; 2]| times.map(|time| Pose { time, ..Pose::default() }).to_vec();
     let sphere = Region::Sphere { centre: [f64::NAN; 3], radius: 1e-3 };
     let wire = Lines { positions: vec![[0.0; 3]], segments: vec![], radius: 0.0 };
+    let group = Region::Group(Group::new("left".into(), vec![7]));
     let tie = |to| Attachment { body: 0, region: Region::Bottom, to, slide: None };
     let cases: &[(Change, &str)] = &[
         (&|s| s.time.step = 0.0, "time.step is 0"),
@@ -138,11 +140,27 @@ fn what_cannot_run_is_refused_with_words() {
         ),
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
+        (&|s| s.haptic.rate = 1e12, "haptic.rate is 5000000000 ticks a step"),
+        (&|s| s.time.duration = 1e12, "time.duration, step is"),
+        (&|s| s.view.size = [960, 9000], "view.size is 9000"),
+        (&|s| s.view.eye = s.view.target, "view.eye is the target"),
+        (&|s| s.tools[0].inertia = [1e-9, 1e-9, 3e-9], "tools[0].inertia is 0.000000003"),
+        (&|s| s.tools[0].cuboid = Some([1e-3; 3]), "tools[0].cuboid is beside"),
+        (&|s| s.skins[0].law = bricks, "skins[0].law.element is of hexahedra"),
+        (
+            &|s| probe(s, ProbeKind::Displacement { body: 0, point: [0.0, 0.0, 1.0], axis: 2 }),
+            "probes[0].point is [0.0",
+        ),
+        (
+            &|s| probe(s, ProbeKind::Stress { body: 0, point: [1.0; 3], component: Component::VonMises }),
+            "probes[0].point",
+        ),
         (&|s| s.boundaries[0].region = sphere.clone(), "boundaries[0].region.centre is NaN"),
         (
             &|s| s.loads.push(Load { region: flat.clone(), ..load.clone() }),
             "loads[0].region.min, max is without an area",
         ),
+        (&|s| s.boundaries[0].region = group.clone(), "boundaries[0].region is a group with node 7"),
         (&|s| s.loads.push(Load { end: 0.0, ..load.clone() }), "loads[0].start, end is in the wrong order"),
         (&|s| s.loads.push(of_kind(LoadKind::Force([f64::NAN; 3]))), "loads[0].kind is NaN"),
         (&|s| s.loads.push(of_kind(LoadKind::Traction([f64::INFINITY; 3]))), "loads[0].kind is inf"),

@@ -9,7 +9,7 @@
 //! A cut takes the host time twice over. What depends on the tetrahedra around it (components, domains, node blocks) is as much for each
 //! link as making the operator of 13 tetrahedra afresh, 65 µs of smoothed ones. What is put in order for the whole body (lists of nodes and
 //! domains, outside) is a twelfth of making its operator, 0.4 µs per tetrahedron, in each step that cuts: 4 links of 24,576
-//! tetrahedra take 11 ms, of 196,608 74 ms, 4032 of these 340 ms (two shared cores; `what_a_cut_costs` in tests/tetrahedra_cut.rs). A
+//! tetrahedra take 11 ms, of 196,608 74 ms, 4032 of these 340 ms (two shared cores; `what_a_cut_costs` in tests/engine/tetrahedra_cut.rs). A
 //! device gets the parts that changed and the whole lists, 44 bytes per tetrahedron. A removal takes the first part alone, 0.4 ms for a
 //! tetrahedron of a body of 12,000 or of 192,000 (`cargo bench --bench tetrahedra -- 3`).
 

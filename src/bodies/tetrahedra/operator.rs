@@ -1,9 +1,9 @@
 //! Arrays of the elastic operator of a mesh of linear tetrahedra, and its passes on the CPU path ([`crate::kernels::tetrahedra`]).
 //!
 //! A cut gives tetrahedra other nodes or removes them ([`Arrays::change`]). An edge whose tetrahedra have parted is then two domains. Volumes,
-//! domains and blocks are found anew around the change alone; the lists of nodes and domains are put in order anew for the whole body where
+//! domains and blocks are recomputed around the change alone; the lists of nodes and domains are rebuilt for the whole body where
 //! tetrahedra have got other nodes. A removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or
-//! moduli, and in lists until they are put in order: it takes part in every pass and adds nothing.
+//! moduli, and in the lists until they are rebuilt: it takes part in every pass and adds nothing.
 
 use crate::bodies::ElementPoint;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix, mean};

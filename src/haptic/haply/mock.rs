@@ -45,7 +45,7 @@ pub const PORT: u16 = 10001;
 /// Time without a command after which a device is idle: ten times the client's own time-out.
 const IDLE: Duration = Duration::from_millis(500);
 /// Most connections at once; an arm and a person have two or three.
-const MOST_GUESTS: usize = 32;
+const MOST_CLIENTS: usize = 32;
 /// Longest message of a client, bytes; commands have a few hundred.
 const LONGEST: usize = 1 << 16;
 /// Largest force of an arm, N; the specification of the Inverse3 has 10 N at its peak.
@@ -88,7 +88,7 @@ impl Mock {
         let shared = Arc::new(Shared { options, version, state, stop: Arc::default() });
         let inside = shared.clone();
         let receive = move |stream, from| inside.receive(stream, from);
-        let door = Door::open("haply-mock", listener, MOST_GUESTS, &shared.stop, receive).map_err(refused)?;
+        let door = Door::open("haply-mock", listener, MOST_CLIENTS, &shared.stop, receive).map_err(refused)?;
         Ok(Self { door, shared })
     }
 

@@ -318,7 +318,9 @@ pub enum Refused {
     },
 
     /// Device that the Inverse Service does not have.
-    #[error("{url}: the Inverse Service has no {what} \"{id}\"; it has {there}; plug it in, or name one of these")]
+    #[error(
+        "{url}: the Inverse Service has no {what} \"{id}\"; devices present: {there}; plug it in, or name one of these"
+    )]
     Unknown {
         /// The address.
         url: String,

@@ -144,7 +144,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     let start = Instant::now();
     let signals = signals(scene);
     if scene.skins.is_empty() || signals.is_empty() {
-        return Err(Unfit::Nothing.of(scene));
+        return Err(Unfit::Nothing.of(scene).into());
     }
     // settings to run, and their reference
     let axes = Axes::new(scene, options.gpu.as_ref());
@@ -177,11 +177,11 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         Gpu::open(text.as_deref())?; // without an adapter there is no study
     }
     if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
-        return Err(Unfit::Steps { most: MOST_STEPS }.of(scene));
+        return Err(Unfit::Steps { most: MOST_STEPS }.of(scene).into());
     }
     let cells = settings::cells(scene, reference.refinement);
     if options.quick && cells > QUICK_CELLS {
-        return Err(Unfit::Cells { cells, most: QUICK_CELLS }.of(scene));
+        return Err(Unfit::Cells { cells, most: QUICK_CELLS }.of(scene).into());
     }
     // all runs that the rows need, each once, and the repetitions; their costs weigh the progress
     let settings = variants.iter().flat_map(|s| runs.needed(s));

@@ -239,14 +239,14 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     for skin in &mut out.skins {
         if skin.mesh.is_some() {
             if factor != 1.0 {
-                return Err(Unfit::Mesh { factor }.of(scene));
+                return Err(Unfit::Mesh { factor }.of(scene).into());
             }
             continue;
         }
         for cells in &mut skin.cells {
             let wanted = f64::from(*cells) * factor;
             if (wanted - wanted.round()).abs() > 1e-9 || !(1.0..=f64::from(u32::MAX)).contains(&wanted) {
-                return Err(Unfit::PartsOfCells { factor, cells: *cells, refined: wanted }.of(scene));
+                return Err(Unfit::PartsOfCells { factor, cells: *cells, refined: wanted }.of(scene).into());
             }
             *cells = wanted.round() as u32;
         }
@@ -266,7 +266,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
         (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)
     };
     if out.skins.iter().map(nodes).sum::<f64>() > f64::from(MOST_NODES) {
-        return Err(Unfit::Nodes { factor }.of(scene));
+        return Err(Unfit::Nodes { factor }.of(scene).into());
     }
     let grids: Vec<Grid> = out.skins.iter().map(Grid::new).collect();
     let empty = |body: usize, region: &Region| {
@@ -277,7 +277,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     let on_rest_springs = scene.rest_springs.iter().map(|a| (a.body, &a.region));
     let probed = scene.probes.iter().filter(|p| measured(scene, &p.name)).filter_map(|p| p.kind.region());
     if regions.chain(on_rest_springs).chain(probed).any(|(body, region)| empty(body, region)) {
-        return Err(Unfit::EmptyRegion { factor }.of(scene));
+        return Err(Unfit::EmptyRegion { factor }.of(scene).into());
     }
     Ok(out)
 }

@@ -259,12 +259,12 @@ impl Runs<'_> {
     pub fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
         let trace = self.get(setting, true)?;
         if !trace.whole() {
-            return Err(Unfit::Slow { what: what.into() }.of(self.scene));
+            return Err(Unfit::Slow { what: what.into() }.of(self.scene).into());
         }
         if trace.samples.iter().flatten().all(|v| v.is_finite()) {
             return Ok(trace);
         }
-        Err(Unfit::NonFinite { what: what.into() }.of(self.scene))
+        Err(Unfit::NonFinite { what: what.into() }.of(self.scene).into())
     }
 
     /// Cost estimate of a run: cells times steps times a weight of its solver.

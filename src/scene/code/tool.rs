@@ -4,7 +4,7 @@ use super::Part;
 use crate::math::elementary::acos;
 use crate::scene::invalid::Result;
 use crate::scene::text::{difference, normalized};
-use crate::scene::tools::{MOST_SAMPLES, NORMAL_SLACK, dot, samples};
+use crate::scene::tools::{MOST_SAMPLES, NORMAL_SLACK, dot, samples, too_large};
 use crate::scene::{Carve, Coupling, Device, DeviceKind, Motion, Tool};
 
 /// Checks a tool made in code.
@@ -12,6 +12,8 @@ pub(super) fn check(part: &Part, tool: &Tool) -> Result<()> {
     // mass, geometry and coupling
     part.positive("mass", &[tool.mass])?;
     part.positive("inertia", &tool.inertia)?;
+    let odd = too_large(tool.inertia).map(|[largest, _]| largest);
+    odd.map_or(Ok(()), |moment| Err(part.of("inertia").refuse(moment, "at most the sum of the other two moments")))?;
     let Carve { distance, pressure, .. } = tool.carve.unwrap_or_default();
     part.not_negative("tip_radius, carve.distance, carve.pressure", &[tool.tip_radius, distance, pressure])?;
     part.finite("points", tool.points.as_flattened())?;
@@ -56,6 +58,8 @@ pub(super) fn check(part: &Part, tool: &Tool) -> Result<()> {
     }
     if let Some(half) = &tool.cuboid {
         part.positive("cuboid", half)?;
+        let alone = tool.blade.is_none() && tool.round.is_none() && tool.lines.is_none() && tool.points.is_empty();
+        part.of("cuboid").that(alone, "beside a blade, points, lines or a round surface", "alone")?;
     }
     // blade
     if let Some(blade) = &tool.blade {

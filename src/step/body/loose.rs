@@ -1,7 +1,7 @@
 //! Initial guesses at pieces that cuts have set free ([`crate::bodies::Wound`]).
 //!
-//! The tolerance of a solve is relative to the load of the whole body. The weight of a small piece may be less than that leaves over: with
-//! the last step's increment as its initial guess it would never begin to fall. The guess therefore grows by what the forces on the piece,
+//! The tolerance of a solve is relative to the load of the whole body. The weight of a small piece may be less than the residual
+//! that this allows: with the last step's increment as its initial guess it would never begin to fall. The guess therefore grows by what the forces on the piece,
 //! its weight, loads and contact, add to the translation of a rigid body in a step: `h² F/m`, for all implicit integrators. A piece that
 //! falls freely then takes no iterations. Turning, deformation and mass damping of a piece are left to the solve, to its tolerance.
 //!
