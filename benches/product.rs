@@ -67,8 +67,8 @@ fn dense(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
         }
     }
     for (i, w) in w.iter_mut().enumerate() {
-        let free = model.free[i];
-        *w = [0, 1, 2, 3].map(|n| if n < 3 { free[n] * (w[n] + params.inertia * free[3] * z[i][n]) } else { 0.0 });
+        let dofs = model.dofs[i];
+        *w = [0, 1, 2, 3].map(|n| if n < 3 { dofs[n] * (w[n] + params.inertia * dofs[3] * z[i][n]) } else { 0.0 });
     }
     w
 }
@@ -76,12 +76,12 @@ fn dense(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
 /// Hands over a closure that multiplies once.
 fn cpu<R: Real>(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], use_it: impl FnOnce(&mut dyn FnMut(&mut [V4<R>]))) {
     let round = |a: &[V4<f64>]| a.iter().map(|v| v.map(R::of)).collect::<Vec<_>>();
-    let (rotation, free, z) = (round(rotation), round(&model.free), round(z));
+    let (rotation, dofs, z) = (round(rotation), round(&model.dofs), round(z));
     let (params, modes, layers) = (model.params::<R>(), model.modes::<R>(), &model.grid.layer_of);
     let mut scratch: Vec<CellForces<R>> = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&params)];
     let frames = Frames::new(&params, &rotation, &[]);
     use_it(&mut |w| {
-        product(&params, &modes, layers, &frames, &free, &z, w, &mut scratch);
+        product(&params, &modes, layers, &frames, &dofs, &z, w, &mut scratch);
     });
 }
 
@@ -107,7 +107,7 @@ impl Device {
             ("modes", gpu.uniform("modes", 168 * 48, &modes)),
             ("layer_of", gpu.array_of("layer_of", &model.grid.layer_of)?),
             ("rotation", gpu.array_of("rotation", &narrow(&case.rotation))?),
-            ("free", gpu.array_of("free", &narrow(&model.free))?),
+            ("dofs", gpu.array_of("dofs", &narrow(&model.dofs))?),
             ("z", gpu.array_of("z", &narrow(&case.z))?),
             ("w", w.clone()),
             ("partial_product", gpu.array::<f32>("partial_product", params.product_groups as usize)?),

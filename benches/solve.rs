@@ -273,7 +273,7 @@ fn direct(platforms: &[Platform]) {
         let (model, load) = press.model(Preconditioner::Direct);
         let mut factor = Direct::new(&model).expect("direct");
         let at_rest = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
-        factor.factor(&at_rest, &model.free).expect("the bottom is held");
+        factor.factor(&at_rest, &model.dofs).expect("the bottom is held");
         let megabytes = factor.numbers() / 125_000;
         drop(factor);
         for platform in platforms.iter().filter(|p| **p != Platform::Gpu) {

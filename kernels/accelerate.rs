@@ -13,13 +13,13 @@ pub const SOURCE: Source =
 /// Displacement increments of all nodes (slot 0).
 pub fn accelerate<R: Real>(
     params: &Params<R>,
-    free: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     b: &[V4<R>],     // [slot][node] N
     x: &mut [V4<R>], // [slot][node] m
 ) {
     for i in 0..params.node_count as usize {
-        let inertia = free[i][3] * params.inertia;
+        let inertia = dofs[i][3] * params.inertia;
         let inverse = if inertia > R::zero() { R::one() / inertia } else { R::zero() };
-        x[i] = (V3::from4(b[i]) * inverse).times(V3::from4(free[i])).pad(R::zero());
+        x[i] = (V3::from4(b[i]) * inverse).times(V3::from4(dofs[i])).pad(R::zero());
     }
 }

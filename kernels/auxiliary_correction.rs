@@ -20,7 +20,7 @@ pub fn auxiliary_correction<R: Real>(
     first_weight: &[u32],  // [node + 1] into weighted
     weighted: &[u32],      // nodes of the grid
     weight: &[R],          // [weighted] weights
-    free: &[V4<R>],        // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],        // [node] 1 free, 0 fixed, per axis; mass kg
     auxiliary_z: &[V4<R>], // [node of the grid] m
     z: &mut [V4<R>],       // [node] m
     w: &mut [V4<R>],       // [node] N
@@ -30,7 +30,7 @@ pub fn auxiliary_correction<R: Real>(
         for n in first_weight[i] as usize..first_weight[i + 1] as usize {
             sum += V3::from4(auxiliary_z[weighted[n] as usize]) * weight[n];
         }
-        *z = sum.times(V3::from4(free[i])).pad(R::zero());
+        *z = sum.times(V3::from4(dofs[i])).pad(R::zero());
         *w = [R::zero(); 4];
     };
     z.par_iter_mut().zip(w).enumerate().with_min_len(super::PARALLEL).for_each(one_node);

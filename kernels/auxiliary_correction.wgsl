@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<storage, read> first_weight: array<u32>;         // [node + 1] into weighted
 @group(0) @binding(2) var<storage, read> weighted: array<u32>;             // nodes of the grid
 @group(0) @binding(3) var<storage, read> weight: array<f32>;               // [weighted] weights
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;           // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;           // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> auxiliary_z: array<vec4<f32>>;    // [slot][node of the grid] m
 @group(0) @binding(6) var<storage, read_write> z: array<vec4<f32>>;        // [slot][node] m
 @group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;        // [slot][node] N
@@ -20,6 +20,6 @@ fn auxiliary_correction(thread: Thread) {
         sum += auxiliary_z[offset + weighted[n]].xyz * weight[n];
     }
     let at = slot * params.node_count + i;
-    z[at] = vec4<f32>(sum * free[i].xyz, 0.0);
+    z[at] = vec4<f32>(sum * dofs[i].xyz, 0.0);
     w[at] = vec4<f32>(0.0);
 }

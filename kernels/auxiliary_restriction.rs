@@ -19,7 +19,7 @@ pub fn auxiliary_restriction<R: Real>(
     first_around: &[u32],      // [node of the grid + 1] into around
     around: &[u32],            // nodes of the body
     weight_around: &[R],       // [around] weights
-    auxiliary_free: &[V4<R>],  // [node of the grid] 1 free, 0 fixed, per axis
+    auxiliary_dofs: &[V4<R>],  // [node of the grid] 1 free, 0 fixed, per axis
     r: &[V4<R>],               // [node] N
     auxiliary_r: &mut [V4<R>], // [node of the grid] N
 ) {
@@ -28,7 +28,7 @@ pub fn auxiliary_restriction<R: Real>(
         for n in first_around[i] as usize..first_around[i + 1] as usize {
             sum += V3::from4(r[around[n] as usize]) * weight_around[n];
         }
-        *out = sum.times(V3::from4(auxiliary_free[i])).pad(R::zero());
+        *out = sum.times(V3::from4(auxiliary_dofs[i])).pad(R::zero());
     };
     auxiliary_r.par_iter_mut().enumerate().with_min_len(super::PARALLEL).for_each(one_node);
 }

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<storage, read> first_around: array<u32>;             // [node of the grid + 1] into around
 @group(0) @binding(2) var<storage, read> around: array<u32>;                   // nodes of the body
 @group(0) @binding(3) var<storage, read> weight_around: array<f32>;            // [around] weights
-@group(0) @binding(4) var<storage, read> auxiliary_free: array<vec4<f32>>;     // [node of the grid] 1 free, 0 fixed, per axis
+@group(0) @binding(4) var<storage, read> auxiliary_dofs: array<vec4<f32>>;     // [node of the grid] 1 free, 0 fixed, per axis
 @group(0) @binding(5) var<storage, read> r: array<vec4<f32>>;                  // [slot][node] N
 @group(0) @binding(6) var<storage, read_write> auxiliary_r: array<vec4<f32>>;  // [slot][node of the grid] N
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;            // [slot × 2]
@@ -18,5 +18,5 @@ fn auxiliary_restriction(thread: Thread) {
     for (var n = first_around[i]; n < first_around[i + 1u]; n += 1u) {
         sum += r[offset + around[n]].xyz * weight_around[n];
     }
-    auxiliary_r[slot * params.node_count + i] = vec4<f32>(sum * auxiliary_free[i].xyz, 0.0);
+    auxiliary_r[slot * params.node_count + i] = vec4<f32>(sum * auxiliary_dofs[i].xyz, 0.0);
 }

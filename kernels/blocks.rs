@@ -145,15 +145,15 @@ pub fn blocks<R: Real>(
     stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
     layer_of: &[u32],    // [cells_z] layer
     rotation: &[V4<R>],  // [cell] quaternion
-    free: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],       // see `split`
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     let of_layer = |level: usize| &stiffness[layer_of[level] as usize * 64..][..64];
     let complete = |i: usize, [d, g]: [M3<R>; 2]| {
         let above = params.above(i);
-        let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
-        finish(params, Block { d, g }, free[i], axes_above)
+        let axes_above = if above < params.node_count as usize { V3::from4(dofs[above]) } else { V3::zero() };
+        finish(params, Block { d, g }, dofs[i], axes_above)
     };
     let [width, depth, height] = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
     let (nodes, grid_nodes) = (params.nodes_x as usize, params.grid_nodes());
@@ -240,9 +240,9 @@ pub fn masked<R: Real>(m: M3<R>, rows: V3<R>, columns: V3<R>) -> M3<R> {
 }
 
 /// Multiplies by the stiffness factor, adds inertia, eliminates fixed axes and selects the entries for the preconditioner.
-pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, free: V4<R>, axes_above: V3<R>) -> [V4<R>; 4] {
-    let axes = V3::from4(free);
-    let inertia = M3::diagonal(V3::splat(params.inertia * free[3]));
+pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, dofs: V4<R>, axes_above: V3<R>) -> [V4<R>; 4] {
+    let axes = V3::from4(dofs);
+    let inertia = M3::diagonal(V3::splat(params.inertia * dofs[3]));
     let fixed = M3::diagonal(V3::splat(R::one()) - axes);
     let mut d = masked(sum.d * params.stiffness_factor + inertia, axes, axes) + fixed;
     let mut g = masked(sum.g * params.stiffness_factor, axes, axes_above);

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;   // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
 @group(0) @binding(6) var<storage, read> split: array<u32>;               // see split.rs
 
@@ -35,7 +35,7 @@ fn blocks(thread: Thread) {
         if a < 4u && chained { g += r * upper * turned; }
     }
     var axes_above = vec3<f32>(0.0);
-    if over < params.node_count { axes_above = free[over].xyz; }
-    let packed = finish(d, g, free[i], axes_above, params.stiffness_factor, params.inertia, params.preconditioner);
+    if over < params.node_count { axes_above = dofs[over].xyz; }
+    let packed = finish(d, g, dofs[i], axes_above, params.stiffness_factor, params.inertia, params.preconditioner);
     for (var k = 0u; k < 4u; k += 1u) { block[i * 4u + k] = packed[k]; }
 }

@@ -15,13 +15,13 @@ pub const SOURCE: Source =
 pub fn collect_product<R: Real>(
     params: &Params<R>,
     corner_force: &[R], // [cell][corner][axis] N
-    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
     z: &[V4<R>],        // [node] m
     w: &mut [V4<R>],    // [node] N
 ) -> R {
     let one = |node: usize, w: &mut V4<R>| {
         let force = collected(params, &[], corner_force, node) * params.stiffness_factor;
-        let more = force.times(V3::from4(free[node]));
+        let more = force.times(V3::from4(dofs[node]));
         *w = (V3::from4(*w) + more).pad(R::zero());
         V3::from4(z[node]).dot(more)
     };

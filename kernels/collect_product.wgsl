@@ -1,7 +1,7 @@
 // Adds the cells' tangent products to w = A z, one slot per dispatch row. Twin: collect_product.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> corner_force: array<f32>;           // [slot][cell][corner][axis] N
-@group(0) @binding(2) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(2) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(3) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(4) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
 @group(0) @binding(5) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
@@ -15,7 +15,7 @@ fn collect_product(thread: Thread) {
     let at = slot * params.node_count + i;
     var more_dot = 0.0;
     if i < params.node_count && scalars[slot * 2u].w == 0.0 {
-        let more = collected(i, slot * params.cell_count * 24u) * params.stiffness_factor * free[i].xyz;
+        let more = collected(i, slot * params.cell_count * 24u) * params.stiffness_factor * dofs[i].xyz;
         w[at] = vec4<f32>(w[at].xyz + more, 0.0);
         more_dot = dot(z[at].xyz, more);
     }

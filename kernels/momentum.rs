@@ -28,12 +28,12 @@ pub fn momentum<R: Real>(
     layer_of: &[u32],     // [cells_z] layer
     split: &[u32],        // see `split`
     rotation: &[V4<R>],   // [cell] quaternion
-    free: &[V4<R>],       // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],       // [node] 1 free, 0 fixed, per axis; mass kg
     v: &[V4<R>],          // [node] m/s
     mean_v: &mut [V4<R>], // [node] m/s
 ) {
     for (i, out) in mean_v.iter_mut().enumerate() {
-        *out = mean_velocity(params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
+        *out = mean_velocity(params, shape, layer_of, split, rotation, dofs, v, i).pad(R::zero());
     }
 }
 
@@ -44,7 +44,7 @@ pub fn mean_velocity<R: Real>(
     layer_of: &[u32],
     split: &[u32],
     rotation: &[V4<R>],
-    free: &[V4<R>],
+    dofs: &[V4<R>],
     v: &[V4<R>],
     i: usize,
 ) -> V3<R> {
@@ -61,7 +61,7 @@ pub fn mean_velocity<R: Real>(
         sum += local * shape[layer_of[level] as usize][3];
     }
     // a node that has left the system has no mass and no cells
-    let mass = free[i][3];
+    let mass = dofs[i][3];
     let rate = if mass > R::zero() { R::one() / mass } else { R::zero() };
     own + sum * rate
 }

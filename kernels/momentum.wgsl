@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;           // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
 @group(0) @binding(6) var<storage, read_write> mean_v: array<vec4<f32>>;  // [node] m/s
 @group(0) @binding(7) var<storage, read> split: array<u32>;               // see split.rs
@@ -29,7 +29,7 @@ fn momentum(thread: Thread) {
         sum += local * shape[layer_of[at.z]].w;
     }
     // a node that has left the system has no mass and no cells
-    let mass = free[i].w;
+    let mass = dofs[i].w;
     let rate = select(0.0, 1.0 / mass, mass > 0.0);
     mean_v[i] = vec4<f32>(own + sum * rate, 0.0);
 }

@@ -18,14 +18,14 @@ pub const SOURCE: Source =
 pub fn prescribe<R: Real>(
     ids: &[u32],      // [entry] node, each once
     values: &[V4<R>], // [entry] prescribed displacement at the end of the step, m
-    free: &[V4<R>],   // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],   // [node] 1 free, 0 fixed, per axis; mass kg
     u: &[V4<R>],      // [node] m
     x: &mut [V4<R>],  // [slot][node] m
 ) {
     for (id, target) in ids.iter().zip(values) {
         let i = *id as usize;
         for n in 0..3 {
-            if free[i][n] == R::zero() {
+            if dofs[i][n] == R::zero() {
                 x[i][n] = target[n] - u[i][n];
             }
         }

@@ -173,12 +173,12 @@ pub fn product<R: Real>(
     modes: &[Modes<R>],            // [layer] N/m
     layer_of: &[u32],              // [cells_z] layer
     frames: &Frames<R>,            // of the cells
-    free: &[V4<R>],                // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],                // [node] 1 free, 0 fixed, per axis; mass kg
     z: &[V4<R>],                   // [node] m
     w: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) -> R {
-    let input = Input { params, modes, layer_of, frames, of: Of::System { free }, z };
+    let input = Input { params, modes, layer_of, frames, of: Of::System { dofs }, z };
     by_strips(input, w, scratch, |strip| R::widest(strip))
 }
 
@@ -247,7 +247,7 @@ struct Input<'a, R> {
 #[derive(Clone, Copy)]
 enum Of<'a, R> {
     /// `A z`: scaled, with inertia, fixed axes eliminated.
-    System { free: &'a [V4<R>] },
+    System { dofs: &'a [V4<R>] },
     /// Elastic force at given displacements.
     Elastic { shape: &'a [V4<R>], pre_strain: &'a [V4<R>] },
 }
@@ -355,12 +355,12 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             // the lower level is complete
             let w = &mut *w[k];
             gather(&f_below, own.start, w);
-            if let Of::System { free } = of {
+            if let Of::System { dofs } = of {
                 let at = k * level_nodes + first;
                 for (part, along) in parts.iter().zip(&mut along) {
                     let nodes = part.start * nodes_x - first..part.end * nodes_x - first;
-                    let (free, z) = (&free[at..][nodes.clone()], &z[at..][nodes.clone()]);
-                    finish(params, free, z, &mut w[nodes.start - own.start..nodes.end - own.start], along);
+                    let (dofs, z) = (&dofs[at..][nodes.clone()], &z[at..][nodes.clone()]);
+                    finish(params, dofs, z, &mut w[nodes.start - own.start..nodes.end - own.start], along);
                 }
             }
             std::mem::swap(&mut z_below, &mut z_above);
@@ -417,11 +417,11 @@ fn gather<R: Real>([near, far]: &[[&mut [R]; 3]; 2], at: usize, w: &mut [V4<R>])
 
 /// Multiplies forces by the stiffness factor, adds inertia and eliminates fixed axes; adds `z·w` to `along`.
 #[inline(always)]
-fn finish<R: Real>(params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], along: &mut [R; MOST]) {
+fn finish<R: Real>(params: &Params<R>, dofs: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], along: &mut [R; MOST]) {
     let count = w.len();
-    let (free, z) = (&free[..count], &z[..count]);
+    let (dofs, z) = (&dofs[..count], &z[..count]);
     for i in 0..count {
-        let [x, y, z_axis, mass] = free[i];
+        let [x, y, z_axis, mass] = dofs[i];
         let (axes, inertia) = ([x, y, z_axis, R::zero()], params.inertia * mass);
         for n in 0..4 {
             w[i][n] = (w[i][n] * params.stiffness_factor + z[i][n] * inertia) * axes[n];
@@ -556,7 +556,7 @@ mod tests {
             (0..count).map(|i| [0, 1, 2, 3].map(|n| wave(i, first + n))).collect::<Vec<V4<R>>>()
         };
         let nodes = node_count as usize;
-        let (rotation, free, z) = (field(params.frames(), 0), field(nodes, 4), field(nodes, 8));
+        let (rotation, dofs, z) = (field(params.frames(), 0), field(nodes, 4), field(nodes, 8));
         let modes = [[[[R::one(), R::of(0.2), R::of(0.1)]; 3]; 8]];
         let mut w = vec![[R::zero(); 4]; nodes];
         let mut scratch = vec![[[[R::one(); LANES]; 3]; 8]; cell_groups(&params)];
@@ -565,7 +565,7 @@ mod tests {
             modes: &modes,
             layer_of: &layer_of,
             frames: &Frames::new(&params, &rotation, &[]),
-            of: Of::System { free: &free },
+            of: Of::System { dofs: &dofs },
             z: &z,
         };
         (by_strips(input, &mut w, &mut scratch, run), w)

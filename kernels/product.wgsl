@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> modes: array<mat3x3<f32>, 168>;           // [layer × 8] blocks of B, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
 @group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w, of a slab each
@@ -121,7 +121,7 @@ fn product(thread: Thread) {
                 + corner_force[72u + lane] + corner_force[9u + lane];
             let i = x + params.nodes_x * y + k * level;
             let own = z[offset + i].xyz;
-            let out = ((below + above) * params.stiffness_factor + own * (params.inertia * free[i].w)) * free[i].xyz;
+            let out = ((below + above) * params.stiffness_factor + own * (params.inertia * dofs[i].w)) * dofs[i].xyz;
             w[offset + i] = vec4<f32>(out, 0.0);
             product_dot += dot(own, out);
         }

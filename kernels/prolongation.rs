@@ -13,7 +13,7 @@ pub const SOURCE: Source =
 /// One right-hand side.
 pub fn prolongation<R: Real>(
     params: &Params<R>, // of the finer level
-    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis
+    dofs: &[V4<R>],     // [node] 1 free, 0 fixed, per axis
     split: &[u32],      // see `split`
     coarse_z: &[V4<R>], // [coarse node] m
     z: &mut [V4<R>],    // [node] m
@@ -21,8 +21,8 @@ pub fn prolongation<R: Real>(
     let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
     let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
     let quarter = R::of(0.25);
-    let add = |out: &mut V4<R>, free: &V4<R>, [a, b, c, d]: [&V4<R>; 4]| {
-        let sum: V4<R> = std::array::from_fn(|n| out[n] + (a[n] + b[n] + c[n] + d[n]) * quarter * free[n]);
+    let add = |out: &mut V4<R>, dofs: &V4<R>, [a, b, c, d]: [&V4<R>; 4]| {
+        let sum: V4<R> = std::array::from_fn(|n| out[n] + (a[n] + b[n] + c[n] + d[n]) * quarter * dofs[n]);
         *out = [sum[0], sum[1], sum[2], R::zero()];
     };
     // the same coarse node twice where the fine node coincides with it
@@ -31,10 +31,10 @@ pub fn prolongation<R: Real>(
         let (y, level) = (row % nodes_y, row / nodes_y);
         let first = coarse_x * (y / 2 + coarse_y * level);
         let (low, high) = (&coarse_z[first..], &coarse_z[first + y % 2 * coarse_x..]);
-        let free = &free[row * nodes_x..][..nodes_x];
-        for (x, (out, free)) in out.iter_mut().zip(free).enumerate() {
+        let dofs = &dofs[row * nodes_x..][..nodes_x];
+        for (x, (out, dofs)) in out.iter_mut().zip(dofs).enumerate() {
             let (left, right) = (x / 2, x / 2 + x % 2);
-            add(out, free, [&low[left], &low[right], &high[left], &high[right]]);
+            add(out, dofs, [&low[left], &low[right], &high[left], &high[right]]);
         }
     };
     let rows = of_grid.par_chunks_exact_mut(nodes_x).enumerate();
@@ -43,6 +43,6 @@ pub fn prolongation<R: Real>(
         let Some([x, y, level]) = params.grid_coordinates(split, i) else { continue };
         let first = x / 2 + coarse_x * (y / 2 + coarse_y * level);
         let (step_x, step_y) = (x % 2, y % 2 * coarse_x);
-        add(out, &free[i], [0, step_x, step_y, step_x + step_y].map(|step| &coarse_z[first + step]));
+        add(out, &dofs[i], [0, step_x, step_y, step_x + step_y].map(|step| &coarse_z[first + step]));
     }
 }

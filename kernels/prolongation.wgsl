@@ -1,6 +1,6 @@
 // Correction from the next coarser level. Twin: prolongation.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
-@group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;        // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(1) var<storage, read> dofs: array<vec4<f32>>;        // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(2) var<storage, read> coarse_z: array<vec4<f32>>;    // [slot][coarse node] m
 @group(0) @binding(3) var<storage, read_write> z: array<vec4<f32>>;     // [slot][node] m
 @group(0) @binding(4) var<storage, read> scalars: array<vec4<f32>>;     // [slot × 2]
@@ -23,5 +23,5 @@ fn prolongation(thread: Thread) {
     let step_y = (y % 2u) * size.x;
     let sum = coarse_z[first].xyz + coarse_z[first + step_x].xyz
         + coarse_z[first + step_y].xyz + coarse_z[first + step_x + step_y].xyz;
-    z[slot * params.node_count + i] += vec4<f32>(sum * 0.25 * free[i].xyz, 0.0);
+    z[slot * params.node_count + i] += vec4<f32>(sum * 0.25 * dofs[i].xyz, 0.0);
 }

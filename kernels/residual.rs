@@ -21,14 +21,14 @@ pub fn residual<R: Real>(
     b: &[V4<R>],                  // [node] N
     w: &[V4<R>],                  // [node] N
     dx: &[V4<R>],                 // [node] m
-    free: &[V4<R>],               // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],               // [node] 1 free, 0 fixed, per axis; mass kg
     residual_force: &mut [V4<R>], // [node] N
 ) -> [R; 3] {
     let mut sum = [R::zero(); 3];
     for i in 0..residual_force.len() {
         let (before, right, linear) = (V3::from4(f[i]), V3::from4(b[i]), V3::from4(w[i]));
         let elastic = collected(params, &[], corner_force, i);
-        let left = (right - linear - (elastic - before)).times(V3::from4(free[i]));
+        let left = (right - linear - (elastic - before)).times(V3::from4(dofs[i]));
         residual_force[i] = left.pad(R::zero());
         let pull = linear * R::of(0.5) - (right + before);
         sum[0] += V3::from4(dx[i]).dot(pull);

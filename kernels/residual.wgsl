@@ -5,7 +5,7 @@
 @group(0) @binding(3) var<storage, read> b: array<vec4<f32>>;                             // [node] N
 @group(0) @binding(4) var<storage, read> w: array<vec4<f32>>;                             // [node] N
 @group(0) @binding(5) var<storage, read> dx: array<vec4<f32>>;                            // [node] m
-@group(0) @binding(6) var<storage, read> free: array<vec4<f32>>;                          // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(6) var<storage, read> dofs: array<vec4<f32>>;                          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(7) var<storage, read_write> residual_force: array<vec4<f32>>;          // [node] N
 @group(0) @binding(8) var<storage, read_write> potential_and_residual: array<vec4<f32>>;  // [group] potential J, squared residual N², work J
 
@@ -17,7 +17,7 @@ fn residual(thread: Thread) {
     if i < params.node_count {
         let before = f[i].xyz;
         let elastic = collected(i, 0u);
-        let left = (b[i].xyz - w[i].xyz - (elastic - before)) * free[i].xyz;
+        let left = (b[i].xyz - w[i].xyz - (elastic - before)) * dofs[i].xyz;
         residual_force[i] = vec4<f32>(left, 0.0);
         let pull = w[i].xyz * 0.5 - (b[i].xyz + before);
         part = vec3<f32>(dot(dx[i].xyz, pull), dot(left, left), dot(dx[i].xyz, elastic + left));

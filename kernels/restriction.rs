@@ -15,7 +15,7 @@ pub const SOURCE: Source =
 /// One right-hand side.
 pub fn restriction<R: Real>(
     params: &Params<R>,     // of the finer level
-    coarse_free: &[V4<R>],  // [coarse node] 1 free, 0 fixed, per axis
+    coarse_dofs: &[V4<R>],  // [coarse node] 1 free, 0 fixed, per axis
     split: &[u32],          // see `split`
     r: &[V4<R>],            // [node] N
     w: &[V4<R>],            // [node] N
@@ -24,7 +24,7 @@ pub fn restriction<R: Real>(
     let coarse_x = params.coarse_cells()[0] + 1;
     let rows = (CHUNK / coarse_x).max(1);
     let some = |(chunk, out): (usize, &mut [V4<R>])| {
-        R::widest(Rows { params, free: coarse_free, split, r, w, first: chunk * rows, out });
+        R::widest(Rows { params, dofs: coarse_dofs, split, r, w, first: chunk * rows, out });
     };
     coarse_r.par_chunks_mut(rows * coarse_x).enumerate().for_each(some);
 }
@@ -35,7 +35,7 @@ const CHUNK: usize = PARALLEL / 4;
 /// Some rows of coarse nodes.
 struct Rows<'a, R> {
     params: &'a Params<R>,
-    free: &'a [V4<R>],
+    dofs: &'a [V4<R>],
     split: &'a [u32],
     r: &'a [V4<R>],
     w: &'a [V4<R>],
@@ -48,7 +48,7 @@ impl<R: Real> Task<R> for Rows<'_, R> {
 
     #[inline(always)]
     fn run<L: Lanes<R>>(self, _: L) {
-        let Rows { params, free, split, r, w, first, out } = self;
+        let Rows { params, dofs, split, r, w, first, out } = self;
         let [coarse_x, coarse_y, _] = params.coarse_cells().map(|c| c + 1);
         let [nodes_x, nodes_y] = [params.nodes_x as usize, params.nodes_y as usize];
         let halves = [0.5, 1.0, 0.5].map(R::of); // share of the fine nodes before, at and behind a coarse one
@@ -77,13 +77,13 @@ impl<R: Real> Task<R> for Rows<'_, R> {
                 }
             }
             // along x
-            let free = &free[row * coarse_x..][..coarse_x];
+            let dofs = &dofs[row * coarse_x..][..coarse_x];
             for i in 0..coarse_x {
                 // with an odd number of cells the last coarse node lies beyond the fine ones
                 let behind = sums.get(2 * i + 2).copied().unwrap_or_default();
                 let [before, at] = [sums[2 * i], sums[2 * i + 1]];
                 for n in 0..3 {
-                    out[i][n] = (before[n] * halves[0] + at[n] + behind[n] * halves[2]) * free[i][n];
+                    out[i][n] = (before[n] * halves[0] + at[n] + behind[n] * halves[2]) * dofs[i][n];
                 }
                 out[i][3] = R::zero();
             }
@@ -117,12 +117,12 @@ mod tests {
             let mut vectors = |count: usize| -> Vec<V4<f64>> {
                 (0..count).map(|_| [(); 3].map(|()| random.signed())).map(|[x, y, z]| [x, y, z, 0.0]).collect()
             };
-            let free = |count| vec![[1.0; 4]; count];
+            let dofs = |count| vec![[1.0; 4]; count];
             let fine = node_count as usize;
             let (r, w, z) = (vectors(fine), vectors(fine), vectors(coarse));
             let (mut restricted, mut prolonged) = (vec![[0.0; 4]; coarse], vec![[0.0; 4]; fine]);
-            restriction(&params, &free(coarse), &[], &r, &w, &mut restricted);
-            prolongation(&params, &free(fine), &[], &z, &mut prolonged);
+            restriction(&params, &dofs(coarse), &[], &r, &w, &mut restricted);
+            prolongation(&params, &dofs(fine), &[], &z, &mut prolonged);
             let dot = |a: &[V4<f64>], b: &[V4<f64>]| {
                 a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum::<f64>()
             };

@@ -1,6 +1,6 @@
 // Residual of the next coarser level. Twin: restriction.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
-@group(0) @binding(1) var<storage, read> coarse_free: array<vec4<f32>>;      // [coarse node] 1 free, 0 fixed, per axis
+@group(0) @binding(1) var<storage, read> coarse_dofs: array<vec4<f32>>;      // [coarse node] 1 free, 0 fixed, per axis
 @group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                // [slot][node] N
 @group(0) @binding(3) var<storage, read> w: array<vec4<f32>>;                // [slot][node] N
 @group(0) @binding(4) var<storage, read_write> coarse_r: array<vec4<f32>>;   // [slot][coarse node] N
@@ -36,5 +36,5 @@ fn restriction(thread: Thread) {
         }
         sum += along_y * select(0.5, 1.0, x == at.x + 1u);
     }
-    coarse_r[slot * count + i] = vec4<f32>(sum * coarse_free[i].xyz, 0.0);
+    coarse_r[slot * count + i] = vec4<f32>(sum * coarse_dofs[i].xyz, 0.0);
 }

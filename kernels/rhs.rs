@@ -18,15 +18,15 @@ pub fn rhs<R: Real>(
     params: &Params<R>,
     f: &[V4<R>],     // [node] N
     v: &[V4<R>],     // [node] m/s
-    free: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     load: &[V4<R>],  // [node] N
     b: &mut [V4<R>], // [slot][node] N
 ) -> R {
     let g = V3::new(params.gravity_x, params.gravity_y, params.gravity_z);
     let mut load_squared = R::zero();
     for i in 0..params.node_count as usize {
-        let mass = free[i][3];
-        let axes = V3::from4(free[i]);
+        let mass = dofs[i][3];
+        let axes = V3::from4(dofs[i]);
         let elastic = V3::from4(f[i]);
         let applied = V3::from4(load[i]) + g * mass;
         let rate = mass * params.momentum_factor / params.step;

@@ -21,7 +21,7 @@ pub fn split_product<R: Real>(
     modes: &[Modes<R>], // [layer] N/m
     layer_of: &[u32],   // [cells_z] layer
     rotation: &[V4<R>], // [cell] quaternion
-    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],      // see `split`
     cells: &[u32],      // split cells, by their rows in the table
     z: &[V4<R>],        // [node] m
@@ -30,12 +30,12 @@ pub fn split_product<R: Real>(
     let mut dot = R::zero();
     for node in params.touched(split).iter().map(|n| *n as usize).filter(|n| *n >= params.grid_nodes()) {
         let own = V3::from4(z[node]);
-        let out = (own * (params.inertia * free[node][3])).times(V3::from4(free[node]));
+        let out = (own * (params.inertia * dofs[node][3])).times(V3::from4(dofs[node]));
         w[node] = out.pad(R::zero());
         dot += own.dot(out);
     }
     let corners = split.get(params.layout().corners..).unwrap_or_default();
-    dot + R::widest(Cells { params, modes, layer_of, rotation, free, corners, cells, z, w })
+    dot + R::widest(Cells { params, modes, layer_of, rotation, dofs, corners, cells, z, w })
 }
 
 struct Cells<'a, R> {
@@ -43,7 +43,7 @@ struct Cells<'a, R> {
     modes: &'a [Modes<R>],
     layer_of: &'a [u32],
     rotation: &'a [V4<R>],
-    free: &'a [V4<R>],
+    dofs: &'a [V4<R>],
     corners: &'a [u32],
     cells: &'a [u32],
     z: &'a [V4<R>],
@@ -58,7 +58,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
 
     #[inline(always)]
     fn run<L: Lanes<R>>(self, lanes: L) -> R {
-        let Cells { params, modes, layer_of, rotation, free, corners, cells, z, w } = self;
+        let Cells { params, modes, layer_of, rotation, dofs, corners, cells, z, w } = self;
         let level_cells = (params.cells_x * params.cells_y) as usize;
         let layer = |cell: u32| layer_of[cell as usize / level_cells] as usize;
         let mut sum = R::zero();
@@ -120,7 +120,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                 for c in 0..8 {
                     let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;
                     for n in 0..3 {
-                        let out = at[c][n][lane] * params.stiffness_factor * free[node][n];
+                        let out = at[c][n][lane] * params.stiffness_factor * dofs[node][n];
                         w[node][n] += out;
                         sum += z[node][n] * out;
                     }

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
 @group(0) @binding(6) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
@@ -47,8 +47,8 @@ fn split_product(thread: Thread) {
         let own = z[offset + i].xyz;
         var out = force_on(i, offset) * params.stiffness_factor;
         let of_grid = i < params.nodes_x * params.nodes_y * params.nodes_z;
-        if !of_grid { out += own * (params.inertia * free[i].w); }
-        out *= free[i].xyz;
+        if !of_grid { out += own * (params.inertia * dofs[i].w); }
+        out *= dofs[i].xyz;
         product_dot = dot(own, out);
         if of_grid { out += w[offset + i].xyz; }
         w[offset + i] = vec4<f32>(out, 0.0);

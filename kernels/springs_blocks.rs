@@ -16,7 +16,7 @@ pub fn springs_blocks<R: Real>(
     first: &[u32],       // [node + 1] into half
     half: &[[u32; 2]],   // springs around each node: other node, spring
     tangent: &[V4<R>],   // [half × 2] symmetric T, N/m
-    free: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     // tangents include the step's stiffness factor
@@ -31,7 +31,7 @@ pub fn springs_blocks<R: Real>(
                 sum.g = sum.g - t;
             }
         }
-        let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
-        block[i * 4..i * 4 + 4].copy_from_slice(&finish(&scaled, sum, free[i], axes_above));
+        let axes_above = if above < params.node_count as usize { V3::from4(dofs[above]) } else { V3::zero() };
+        block[i * 4..i * 4 + 4].copy_from_slice(&finish(&scaled, sum, dofs[i], axes_above));
     }
 }

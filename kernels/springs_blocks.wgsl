@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<storage, read> first: array<u32>;               // [node + 1] into half
 @group(0) @binding(2) var<storage, read> half: array<vec2<u32>>;          // other node, spring
 @group(0) @binding(3) var<storage, read> tangent: array<vec4<f32>>;       // [half × 2] symmetric T, N/m
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
 
 @compute @workgroup_size(64)
@@ -19,7 +19,7 @@ fn springs_blocks(thread: Thread) {
         if half[n].x == above { g -= t; }
     }
     var axes_above = vec3<f32>(0.0);
-    if above < params.node_count { axes_above = free[above].xyz; }
-    let packed = finish(d, g, free[i], axes_above, 1.0, params.inertia, params.preconditioner); // tangents hold the step's stiffness factor already
+    if above < params.node_count { axes_above = dofs[above].xyz; }
+    let packed = finish(d, g, dofs[i], axes_above, 1.0, params.inertia, params.preconditioner); // tangents hold the step's stiffness factor already
     for (var k = 0u; k < 4u; k += 1u) { block[i * 4u + k] = packed[k]; }
 }

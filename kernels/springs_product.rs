@@ -16,7 +16,7 @@ pub fn springs_product<R: Real>(
     first: &[u32],     // [node + 1] into half
     half: &[[u32; 2]], // springs around each node: other node, spring
     tangent: &[V4<R>], // [half × 2] symmetric T, N/m
-    free: &[V4<R>],    // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],    // [node] 1 free, 0 fixed, per axis; mass kg
     z: &[V4<R>],       // [node] m
     w: &mut [V4<R>],   // [node] N
 ) -> R {
@@ -27,7 +27,7 @@ pub fn springs_product<R: Real>(
         for n in first[i] as usize..first[i + 1] as usize {
             sum += symmetric(tangent[n * 2], tangent[n * 2 + 1]) * (own - V3::from4(z[half[n][0] as usize]));
         }
-        let out = (sum + own * (params.inertia * free[i][3])).times(V3::from4(free[i]));
+        let out = (sum + own * (params.inertia * dofs[i][3])).times(V3::from4(dofs[i]));
         w[i] = out.pad(R::zero());
         dot += own.dot(out);
     }

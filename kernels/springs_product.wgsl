@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<storage, read> first: array<u32>;                  // [node + 1] into half
 @group(0) @binding(2) var<storage, read> half: array<vec2<u32>>;             // other node, spring
 @group(0) @binding(3) var<storage, read> tangent: array<vec4<f32>>;          // [half × 2] symmetric T, N/m
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
 @group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
@@ -23,7 +23,7 @@ fn springs_product(thread: Thread) {
         for (var n = first[i]; n < first[i + 1u]; n += 1u) {
             sum += symmetric(tangent[n * 2u], tangent[n * 2u + 1u]) * (own - z[offset + half[n].x].xyz);
         }
-        let out = (sum + own * (params.inertia * free[i].w)) * free[i].xyz;
+        let out = (sum + own * (params.inertia * dofs[i].w)) * dofs[i].xyz;
         w[offset + i] = vec4<f32>(out, 0.0);
         product_dot = dot(own, out);
     }

@@ -16,13 +16,13 @@ pub fn tetrahedra_blocks<R: Real>(
     params: &Params<R>,
     rest_block: &[V4<R>],    // [node × 2] symmetric B, N/m
     node_rotation: &[V4<R>], // [node] quaternion
-    free: &[V4<R>],          // [node] 1 free, 0 fixed, per axis; mass kg
+    dofs: &[V4<R>],          // [node] 1 free, 0 fixed, per axis; mass kg
     block: &mut [V4<R>],     // [node × 4] packed
 ) {
     for i in 0..params.node_count as usize {
         let r = rotation_matrix(node_rotation[i]);
         let d = r * symmetric(rest_block[2 * i], rest_block[2 * i + 1]) * r.transpose();
         let own = Block { d, g: M3::zero() };
-        block[i * 4..i * 4 + 4].copy_from_slice(&finish(params, own, free[i], V3::zero()));
+        block[i * 4..i * 4 + 4].copy_from_slice(&finish(params, own, dofs[i], V3::zero()));
     }
 }

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<storage, read> first_of_node: array<u32>;            // [node + 1] into of_node
 @group(0) @binding(2) var<storage, read> of_node: array<u32>;                  // 4 × tetrahedron + corner
 @group(0) @binding(3) var<storage, read> tetrahedron_force: array<vec4<f32>>;  // [slot][tetrahedron × 3] at corners 1 to 3, N
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;               // [node] 1 free, 0 fixed, per axis; mass kg
+@group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;               // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                  // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;            // [slot][node] N
 @group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;    // [slot][group] z·w
@@ -18,7 +18,7 @@ fn tetrahedra_product(thread: Thread) {
     var product_dot = 0.0;
     if i < params.node_count && scalars[slot * 2u].w == 0.0 {
         let elastic = gathered(i, 3u * slot * params.tetrahedron_count) * params.stiffness_factor;
-        let out = (elastic + z[at].xyz * (params.inertia * free[i].w)) * free[i].xyz;
+        let out = (elastic + z[at].xyz * (params.inertia * dofs[i].w)) * dofs[i].xyz;
         w[at] = vec4<f32>(out, 0.0);
         product_dot = dot(z[at].xyz, out);
     }

@@ -61,7 +61,7 @@ pub(super) struct Conserved {
     /// `[node]` rest position relative to the middle of the body, m.
     rest: Vec<[f64; 3]>,
     /// `[node]` DOF mask and mass, kg.
-    free: Vec<V4<f64>>,
+    dofs: Vec<V4<f64>>,
     /// `[node]` stiffness of its rest-shape spring, N/m; no rigid motion moves it where there is one.
     rest_stiffness: Vec<f64>,
     /// kg
@@ -89,9 +89,9 @@ impl Conserved {
         let middle = [0, 1, 2].map(|n| model.rest.iter().map(|x| x[n]).sum::<f64>() / count);
         Self {
             rest: model.rest.iter().map(|x| [0, 1, 2].map(|n| x[n] - middle[n])).collect(),
-            free: model.free.clone(),
+            dofs: model.dofs.clone(),
             rest_stiffness,
-            mass: model.free.iter().map(|free| free[3]).sum(),
+            mass: model.dofs.iter().map(|dofs| dofs[3]).sum(),
             step: model.step.step,
             law: law.clone(),
             params: model.params(),
@@ -120,30 +120,30 @@ impl Conserved {
             let mut momentum = [0.0; 6];
             for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
                 let (mode, push) =
-                    (self.mode(node, axis, &middle), self.step * self.free[node][axis] * force[node][axis]);
+                    (self.mode(node, axis, &middle), self.step * self.dofs[node][axis] * force[node][axis]);
                 (0..6).for_each(|k| momentum[k] += push * mode[k]);
             }
             let back = solve_definite(self.inertia(&u), momentum);
             for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
-                let (before, free) = (v[node][axis], self.free[node]);
-                v[node][axis] += free[axis] * dot(&back, &self.mode(node, axis, &u));
-                excess += 0.5 * free[3] * (v[node][axis] * v[node][axis] - before * before);
+                let (before, dofs) = (v[node][axis], self.dofs[node]);
+                v[node][axis] += dofs[axis] * dot(&back, &self.mode(node, axis, &u));
+                excess += 0.5 * dofs[3] * (v[node][axis] * v[node][axis] - before * before);
             }
         }
         // energy that damping takes: the work without that of inertia and of rest-shape springs
         let stored = |node: usize| {
-            let squared: f64 = (0..3).map(|n| self.free[node][n] * dx[node][n] * dx[node][n]).sum();
-            (2.0 * self.free[node][3] / (self.step * self.step) + 0.5 * self.rest_stiffness[node]) * squared
+            let squared: f64 = (0..3).map(|n| self.dofs[node][n] * dx[node][n] * dx[node][n]).sum();
+            (2.0 * self.dofs[node][3] / (self.step * self.step) + 0.5 * self.rest_stiffness[node]) * squared
         };
         let damped = linear - (0..dx.len()).map(stored).sum::<f64>();
         // kinetic energy of what is not rigid, and what it has in common with the rigid motion
         let rigid = self.rigid(&u, &v);
         let (mut deforming, mut common) = (0.0, 0.0);
         let rest = |node: usize, v: &[V4<f64>]| {
-            [0, 1, 2].map(|axis| self.free[node][axis] * (v[node][axis] - dot(&rigid, &self.mode(node, axis, &u))))
+            [0, 1, 2].map(|axis| self.dofs[node][axis] * (v[node][axis] - dot(&rigid, &self.mode(node, axis, &u))))
         };
         for node in 0..u.len() {
-            let (rest, mass) = (rest(node, &v), self.free[node][3]);
+            let (rest, mass) = (rest(node, &v), self.dofs[node][3]);
             for axis in 0..3 {
                 deforming += 0.5 * mass * rest[axis] * rest[axis];
                 common += mass * rest[axis] * (v[node][axis] - rest[axis]);
@@ -177,8 +177,8 @@ impl Conserved {
     fn rigid(&self, u: &[V4<f64>], v: &[V4<f64>]) -> [f64; 6] {
         let mut momentum = [0.0; 6];
         for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
-            let (mode, free) = (self.mode(node, axis, u), self.free[node]);
-            (0..6).for_each(|k| momentum[k] += free[axis] * free[3] * mode[k] * v[node][axis]);
+            let (mode, dofs) = (self.mode(node, axis, u), self.dofs[node]);
+            (0..6).for_each(|k| momentum[k] += dofs[axis] * dofs[3] * mode[k] * v[node][axis]);
         }
         solve_definite(self.inertia(u), momentum)
     }
@@ -187,9 +187,9 @@ impl Conserved {
     fn inertia(&self, u: &[V4<f64>]) -> [[f64; 6]; 6] {
         let mut matrix = [[0.0; 6]; 6];
         for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
-            let (mode, free) = (self.mode(node, axis, u), self.free[node]);
-            let rests = free[axis] == 0.0 || self.rest_stiffness[node] > 0.0;
-            let weight = if rests { HELD * self.mass } else { free[3] };
+            let (mode, dofs) = (self.mode(node, axis, u), self.dofs[node]);
+            let rests = dofs[axis] == 0.0 || self.rest_stiffness[node] > 0.0;
+            let weight = if rests { HELD * self.mass } else { dofs[3] };
             (0..36).for_each(|n| matrix[n / 6][n % 6] += weight * mode[n / 6] * mode[n % 6]);
         }
         matrix

@@ -49,7 +49,7 @@ pub struct Trial<R> {
     pub work: [f64; 2],
 }
 
-/// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per
+/// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `dofs` is `[node]` the DOF mask per
 /// axis (1 free, 0 fixed) and the mass as it enters `A`, kg.
 pub trait System<R: Real>: Send + Sync {
     /// Elastic forces at displacements `at`, `[node]` N; updates the element rotations at `u`. `at` differs from `u` only in an explicit
@@ -68,9 +68,9 @@ pub trait System<R: Real>: Send + Sync {
     /// `[node]` velocities for a consistent mass, m/s: nodal mass times these is `M v`. Does nothing for other masses.
     fn mean_velocities(&self, _params: &Params<R>, _free: &[V4<R>], _v: &[V4<R>], _mean_v: &mut [V4<R>]) {}
     /// Diagonal and sub-diagonal 3×3 blocks of `A` along z-columns of nodes, `[node × 4]` packed, N/m.
-    fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]);
+    fn blocks(&self, params: &Params<R>, dofs: &[V4<R>], out: &mut [V4<R>]);
     /// Updates the preconditioner for the step.
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]);
+    fn refresh(&mut self, params: &Params<R>, dofs: &[V4<R>]);
     /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
@@ -83,13 +83,13 @@ pub trait System<R: Real>: Send + Sync {
     fn product(
         &self,
         params: &Params<R>,
-        free: &[V4<R>],
+        dofs: &[V4<R>],
         z: &[V4<R>],
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R;
     /// Preconditioner, or the exact inverse of the direct solver.
-    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R>;
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, dofs: &'a [V4<R>]) -> Preconditioner<'a, R>;
     /// Work vectors for one right-hand side.
     fn workspace(&self, params: &Params<R>) -> Workspace<R>;
     /// Displacements of the segments' end points, m.
@@ -141,7 +141,7 @@ pub struct Start<'a, R> {
     /// Sizes and factors.
     pub params: &'a Params<R>,
     /// `[node]` DOF mask and mass as in `A`.
-    pub free: &'a [V4<R>],
+    pub dofs: &'a [V4<R>],
     /// `[node]` displacement, m
     pub u: &'a [V4<R>],
     /// `[node]` elastic force, N

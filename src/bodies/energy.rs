@@ -23,7 +23,7 @@ pub struct Snapshot {
     /// `[cell]` rotation quaternion, 0 for a removed cell; empty for springs.
     pub rotation: Vec<V4<f64>>,
     /// `[node]` DOF mask and mass.
-    pub free: Vec<V4<f64>>,
+    pub dofs: Vec<V4<f64>>,
     /// Table of split nodes ([`crate::kernels::split`]), of tetrahedra the list of their corners; empty where none can be split.
     pub split: Vec<u32>,
     /// `[spring]` law; empty for hexahedra.
@@ -105,7 +105,7 @@ pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Energy {
     let mut sum = Energy { elastic, ..Energy::default() };
     for node in 0..state.u.len() {
         let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], load[node]].map(V3::from4);
-        let mass = state.free[node][3];
+        let mass = state.dofs[node][3];
         let potential = -mass * g.dot(u) - load.dot(u);
         sum.kinetic += 0.5 * mass * v.dot(mean);
         sum.potential += potential;
@@ -138,7 +138,7 @@ pub fn damped(model: &Model, wound: &Wound, solved: &Solved) -> f64 {
         let [dx, mean] = [solved.dx[node], momenta[node]].map(V3::from4);
         let spring =
             model.rest_springs.nodes.binary_search(&(node as u32)).map_or(0.0, |k| model.rest_springs.stiffness[k]);
-        let drag = mean * (model.step.rayleigh_mass * solved.start.free[node][3]);
+        let drag = mean * (model.step.rayleigh_mass * solved.start.dofs[node][3]);
         sum += dx.dot(V3::of(moving) - V3::of(still) + drag) + model.step.rayleigh_stiffness * spring / h * dx.dot(dx);
     }
     sum
@@ -148,9 +148,9 @@ pub fn damped(model: &Model, wound: &Wound, solved: &Solved) -> f64 {
 fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
     let mut mean = state.v.clone();
     if model.mass == Mass::Consistent {
-        let Snapshot { split, rotation, free, v, .. } = state;
+        let Snapshot { split, rotation, dofs, v, .. } = state;
         let layers = &model.grid.layer_of;
-        momentum::momentum(&model.params(), &model.shapes(), layers, split, rotation, free, v, &mut mean);
+        momentum::momentum(&model.params(), &model.shapes(), layers, split, rotation, dofs, v, &mut mean);
     }
     mean
 }
@@ -182,8 +182,8 @@ pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
     let still = Solved { dx: vec![[0.0; 4]; solved.start.u.len()], ..solved.clone() };
     let (rest, _, f) = equations(model, &still);
     let mut spring_forces = vec![[0.0; 4]; f.len()];
-    let Snapshot { u, free, .. } = &still.start;
-    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, u, &mut spring_forces);
+    let Snapshot { u, dofs, .. } = &still.start;
+    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, dofs, u, &mut spring_forces);
     let largest = [&f, &spring_forces, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
     (norm(&rest), largest)
 }
@@ -212,20 +212,20 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
 /// The same, and the elastic forces, `[node]` N.
 fn equations(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64, Vec<V4<f64>>) {
     let params = model.params::<f64>();
-    let Snapshot { u, v, free, .. } = &solved.start;
+    let Snapshot { u, v, dofs, .. } = &solved.start;
     let count = u.len();
-    let in_system = model.rest_springs.all_in_system(rate(&model.step), free);
+    let in_system = model.rest_springs.all_in_system(rate(&model.step), dofs);
     let mut at = u.clone(); // displacements at which elastic forces are evaluated
     ahead::ahead(&params, u, v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
     let mean_v = mean_velocities(model, &solved.start);
     let mut b = vec![[0.0; 4]; count];
-    let mut load = rhs::rhs(&params, &f, &mean_v, free, &solved.load, &mut b);
-    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, free, &at, &mut b);
+    let mut load = rhs::rhs(&params, &f, &mean_v, dofs, &solved.load, &mut b);
+    rest_springs::rest_springs(&model.rest_springs.nodes, &model.rest_springs.stiffness, dofs, &at, &mut b);
     load += driven(model, solved, &at, &in_system);
     for i in 0..count {
         for n in 0..3 {
-            let contact = solved.contact[i][n] * free[i][n];
+            let contact = solved.contact[i][n] * dofs[i][n];
             load += contact * contact;
             b[i][n] += contact - w[i][n];
         }
@@ -238,8 +238,8 @@ fn driven(model: &Model, solved: &Solved, at: &[V4<f64>], in_system: &[V4<f64>])
     if model.paths.nodes.is_empty() {
         return 0.0;
     }
-    let fixed = |(dx, free): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| if free[n] == 0.0 { dx[n] } else { 0.0 });
-    let dx = solved.dx.iter().zip(&solved.start.free).map(fixed).collect();
+    let fixed = |(dx, dofs): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| if dofs[n] == 0.0 { dx[n] } else { 0.0 });
+    let dx = solved.dx.iter().zip(&solved.start.dofs).map(fixed).collect();
     let [_, drive] = model.mechanics().forces_and_product(model, &Solved { dx, ..solved.clone() }, at, in_system);
     norm(&drive).powi(2)
 }

@@ -224,13 +224,13 @@ pub struct Model {
     pub shape: Vec<[f64; 4]>,
     /// Elements.
     pub kind: Kind,
-    /// Mass discretisation; `free` holds the row sums of M.
+    /// Mass discretisation; `dofs` holds the row sums of M.
     pub mass: Mass,
     /// `[node of the grid]` rest position, m.
     pub rest: Vec<[f64; 3]>,
     /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass of the uncut body, kg; zero for the reserve of duplicate nodes, which follows
     /// the grid's.
-    pub free: Vec<[f64; 4]>,
+    pub dofs: Vec<[f64; 4]>,
     /// Rest-shape springs.
     pub rest_springs: RestSprings,
     /// `[node]` prescribed displacement of fixed axes without paths, m.
@@ -295,7 +295,7 @@ impl Model {
         model.set_masses(&skin.layers);
         model.hold(scene);
         // reserve for the nodes that a cut duplicates
-        model.free.resize(model.node_count(), [0.0; 4]);
+        model.dofs.resize(model.node_count(), [0.0; 4]);
         grid::prepare(&mut model, scene.solver.preconditioner);
         Tetrahedra::with_auxiliary(scene, &mut model)?;
         Ok(model)
@@ -357,7 +357,7 @@ impl Model {
             body,
             shape,
             mass: skin.mass,
-            free: vec![],
+            dofs: vec![],
             rest_springs: RestSprings::default(),
             prescribed: vec![],
             paths: Paths::default(),
@@ -379,25 +379,25 @@ impl Model {
         let count = self.own_nodes();
         if let Some(embedded) = &self.grid.embedded {
             let of_node = |mass: &f64| if *mass > 0.0 { [1.0, 1.0, 1.0, *mass] } else { [0.0; 4] };
-            self.free = embedded.mass.iter().map(of_node).collect();
+            self.dofs = embedded.mass.iter().map(of_node).collect();
             return;
         }
-        self.free = vec![[1.0, 1.0, 1.0, 0.0]; count];
+        self.dofs = vec![[1.0, 1.0, 1.0, 0.0]; count];
         for cell in 0..self.grid.cell_count() {
             let layer = self.grid.layer(cell);
             for node in params.corners(cell) {
-                self.free[node][3] += self.shape[layer][3];
+                self.dofs[node][3] += self.shape[layer][3];
             }
         }
         if let Some(Unstructured { mesh, .. }) = self.grid.unstructured.as_deref() {
             for (e, (corners, layer)) in mesh.tetrahedra().iter().zip(mesh.layers()).enumerate() {
                 let quarter = 0.25 * layers[*layer as usize].density * mesh.volume(e);
-                corners.iter().for_each(|node| self.free[*node as usize][3] += quarter);
+                corners.iter().for_each(|node| self.dofs[*node as usize][3] += quarter);
             }
         }
         if self.mass == Mass::Uniform {
-            let each = self.free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
-            self.free.iter_mut().for_each(|f| f[3] = each);
+            let each = self.dofs.iter().map(|f| f[3]).sum::<f64>() / count as f64;
+            self.dofs.iter_mut().for_each(|f| f[3] = each);
         }
     }
 
@@ -410,7 +410,7 @@ impl Model {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
                 let turned = turned(grid.rest(node), boundary.rotation);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
-                    self.free[node][axis] = 0.0;
+                    self.dofs[node][axis] = 0.0;
                     holding[node][axis] = Some(number);
                     self.prescribed[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
@@ -567,7 +567,7 @@ impl Model {
     /// Number of unconstrained degrees of freedom.
     pub fn degrees_of_freedom(&self) -> usize {
         let of_node = |f: &[f64; 4]| f[..3].iter().filter(|axis| **axis != 0.0).count();
-        self.counts.map_or_else(|| self.free.iter().map(of_node).sum(), |counts| counts.dof)
+        self.counts.map_or_else(|| self.dofs.iter().map(of_node).sum(), |counts| counts.dof)
     }
 
     /// Size of the arrays on the host, bytes.

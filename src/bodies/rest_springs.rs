@@ -73,19 +73,19 @@ impl RestSprings {
     }
 
     /// DOF mask and mass of a node as in `A`; a node that has left the system (mass 0) is returned unchanged.
-    pub fn in_system(&self, rate: f64, node: u32, free: V4<f64>) -> V4<f64> {
-        let [x, y, z, mass] = free;
+    pub fn in_system(&self, rate: f64, node: u32, dofs: V4<f64>) -> V4<f64> {
+        let [x, y, z, mass] = dofs;
         match self.nodes.binary_search(&node) {
             Ok(k) if mass > 0.0 => [x, y, z, mass + rate * self.stiffness[k]],
-            _ => free,
+            _ => dofs,
         }
     }
 
     /// `[node]` DOF masks and masses of all nodes as in `A`.
-    pub fn all_in_system(&self, rate: f64, free: &[V4<f64>]) -> Vec<V4<f64>> {
-        let mut out = free.to_vec();
+    pub fn all_in_system(&self, rate: f64, dofs: &[V4<f64>]) -> Vec<V4<f64>> {
+        let mut out = dofs.to_vec();
         for node in &self.nodes {
-            out[*node as usize] = self.in_system(rate, *node, free[*node as usize]);
+            out[*node as usize] = self.in_system(rate, *node, dofs[*node as usize]);
         }
         out
     }
@@ -103,6 +103,6 @@ impl RestSprings {
 impl Model {
     /// `[node]` DOF masks and masses as in `A`.
     pub fn in_system(&self) -> Vec<V4<f64>> {
-        self.rest_springs.all_in_system(rate(&self.step), &self.free)
+        self.rest_springs.all_in_system(rate(&self.step), &self.dofs)
     }
 }

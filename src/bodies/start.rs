@@ -18,12 +18,12 @@ impl Model {
                 Err(_) => self.prescribed[n],
             };
             let at = |a: usize| {
-                if self.free[n][a] == 0.0 { prescribed[a] } else { shaped[a] + skin.displacement[a] }
+                if self.dofs[n][a] == 0.0 { prescribed[a] } else { shaped[a] + skin.displacement[a] }
             };
             [at(0), at(1), at(2), 0.0]
         };
         let moving = |n: usize| {
-            let at = |a: usize| if self.free[n][a] == 0.0 { 0.0 } else { skin.velocity[a] };
+            let at = |a: usize| if self.dofs[n][a] == 0.0 { 0.0 } else { skin.velocity[a] };
             [at(0), at(1), at(2), 0.0]
         };
         let count = self.own_nodes();

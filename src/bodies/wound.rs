@@ -71,7 +71,7 @@ pub struct Removal {
     /// Words to write into the table of split nodes; of tetrahedra into the list of their corners.
     pub words: Vec<(u32, u32)>,
     /// New DOF masks and masses of nodes in use.
-    pub free: Vec<(u32, V4<f64>)>,
+    pub dofs: Vec<(u32, V4<f64>)>,
     /// Cells that have lost a share of their volume, with their factors on the stiffness of their layer.
     pub scale: Vec<(u32, f64)>,
     /// Operator of tetrahedra, and where it has changed.
@@ -90,7 +90,7 @@ pub struct Wound {
     /// Open cells with the axis across the cut, in order of opening.
     pub open: Vec<(u32, usize)>,
     /// `[node]` current DOF mask and mass.
-    pub free: Vec<V4<f64>>,
+    pub dofs: Vec<V4<f64>>,
     /// `[node]` rest position, m; a duplicate has that of its original; then `[point]` those of an embedded surface.
     pub rest: Vec<[f64; 3]>,
     /// `[node of the grid]` number of remaining elements around it.
@@ -140,7 +140,7 @@ impl Extent {
 impl Wound {
     /// Mass of the nodes, kg.
     pub fn mass_of_nodes(&self) -> f64 {
-        self.free.iter().map(|f| f[3]).sum()
+        self.dofs.iter().map(|f| f[3]).sum()
     }
 
     /// An uncut body.
@@ -149,7 +149,7 @@ impl Wound {
             surface: Surface::with_reserve(&model.grid, model.params()),
             totals: Totals::default(),
             open: vec![],
-            free: model.free.clone(),
+            dofs: model.dofs.clone(),
             rest: model.rest_of_surface(),
             live: model.mechanics().around_nodes(model),
             spring_gone: vec![false; model.elements().spring_count],
@@ -199,7 +199,7 @@ impl Wound {
         let held = |cell: usize| {
             surface.corners_of(cell).into_iter().any(|node| {
                 let original = surface.original(node) as u32;
-                self.free[node][..3].contains(&0.0) || model.rest_springs.nodes.binary_search(&original).is_ok()
+                self.dofs[node][..3].contains(&0.0) || model.rest_springs.nodes.binary_search(&original).is_ok()
             })
         };
         let mut found = parted(&seeds, |cell| surface.linked(cell), held);
@@ -273,8 +273,8 @@ impl Wound {
     /// Takes a node without elements out of the system.
     pub(super) fn leave(&mut self, node: u32, removal: &mut Removal) {
         let at = node as usize;
-        self.free[at] = [0.0; 4];
-        removal.free.retain(|(n, _)| *n != node);
-        removal.free.push((node, self.free[at]));
+        self.dofs[at] = [0.0; 4];
+        removal.dofs.retain(|(n, _)| *n != node);
+        removal.dofs.push((node, self.dofs[at]));
     }
 }

@@ -158,7 +158,7 @@ impl Outcome {
             peak_force = peak_force.max(simulation.step(false)?.contact.largest_on_tools());
         }
         let state = simulation.snapshots()?;
-        let mass: f64 = state.iter().flat_map(|s| &s.free).map(|f| f[3]).sum();
+        let mass: f64 = state.iter().flat_map(|s| &s.dofs).map(|f| f[3]).sum();
         let mass_left = |body: &Body| body.model.mechanics().mass_left(&body.model, &body.wound);
         let expected = simulation.bodies.iter().map(mass_left).sum::<f64>();
         let totals = simulation.totals();

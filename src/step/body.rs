@@ -99,10 +99,10 @@ const UNCONSTRAINED_PIVOT: f64 = 1e-9;
 fn floats(model: &Model) -> bool {
     let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over fixed axes, r the axis's value in the six modes; positions in units of the extent
     let length = model.extent();
-    for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate().filter(|(_, (free, _))| free[3] > 0.0) {
+    for (node, (dofs, rest)) in model.dofs.iter().zip(&model.rest).enumerate().filter(|(_, (dofs, _))| dofs[3] > 0.0) {
         let on_spring = model.rest_springs.nodes.binary_search(&(node as u32)).is_ok();
         let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
-        for axis in (0..3).filter(|axis| on_spring || free[*axis] == 0.0) {
+        for axis in (0..3).filter(|axis| on_spring || dofs[*axis] == 0.0) {
             let translation = DVec3::AXES[axis];
             let rotation = at.cross(translation);
             let row = [translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z];

@@ -127,9 +127,9 @@ impl Simulation {
         for (number, body) in self.bodies.iter().enumerate() {
             let Some(lips) = &body.lips else { continue };
             let position = |id: u32| [body.node_position(id), DVec3::from_array(body.wound.rest[id as usize])];
-            let free = |id: u32| body.wound.free[id as usize][..3].iter().all(|axis| *axis != 0.0);
+            let is_free = |id: u32| body.wound.dofs[id as usize][..3].iter().all(|axis| *axis != 0.0);
             // the search reaches farther by the body's own motion
-            let mut found = lips::contacts(number, lips, position, free, search.alarm + body.travel);
+            let mut found = lips::contacts(number, lips, position, is_free, search.alarm + body.travel);
             report.overlap = found.first().map_or(report.overlap, |deepest| report.overlap.max(-deepest.gap[0]));
             found.sort_by_key(|contact| !self.bore(contact));
             let dropped = found.iter().skip(most).filter(|c| c.gap[0] < 0.0).count();
@@ -349,7 +349,7 @@ impl Simulation {
         match contact.on[side] {
             BodyId::Rigid(_) => true,
             BodyId::Deformable(number) => contact_nodes(contact, side).any(|node| {
-                let [x, y, z, _] = self.bodies[number].wound.free[node as usize];
+                let [x, y, z, _] = self.bodies[number].wound.dofs[node as usize];
                 (DVec3::new(x, y, z) * contact.axes[0]).length_squared() > 1e-12
             }),
             BodyId::Plane(_) | BodyId::World => false,
@@ -440,7 +440,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
                 law,
             };
             // along a prescribed axis the spring bears nothing
-            let [x, y, z, _] = model.free[node as usize];
+            let [x, y, z, _] = model.dofs[node as usize];
             out.push(Tie { contact, attachment_point, stiffness: DVec3::new(x, y, z) * stiffness });
         }
     }

@@ -404,7 +404,7 @@ impl Body {
 
     /// Applies the changes of a wound.
     fn apply(&mut self, removal: &Removal) -> Result<()> {
-        let changed = removal.free.iter().map(|(node, _)| *node);
+        let changed = removal.dofs.iter().map(|(node, _)| *node);
         self.compliance.invalidate(changed.chain(removal.loose.iter().copied()));
         self.backend.remove(removal)?;
         if let Some(lips) = &mut self.lips {

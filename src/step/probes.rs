@@ -236,7 +236,7 @@ impl Body {
         let internal = model.mechanics().forces_at(model, &self.wound, nodes, &|node| known.moved(node));
         let mut sum = [0.0; 3];
         for (node, internal) in nodes.iter().zip(internal) {
-            let [x, y, z, mass] = self.wound.free[*node as usize];
+            let [x, y, z, mass] = self.wound.dofs[*node as usize];
             let inertia = self.accelerations.get(node).copied().unwrap_or_default();
             if mass == 0.0 {
                 continue; // it has left the system
@@ -290,9 +290,9 @@ impl Body {
     /// Centre of mass at displacements `u`, `[node]` m, world, m; 0 of a body without mass.
     fn centre_of_mass(&self, u: &[V4<f64>]) -> [f64; 3] {
         let (mut mass, mut moment) = (0.0, [0.0; 3]);
-        for ((free, rest), u) in self.wound.free.iter().zip(&self.wound.rest).zip(u) {
-            mass += free[3];
-            (0..3).for_each(|n| moment[n] += free[3] * (rest[n] + u[n]));
+        for ((dofs, rest), u) in self.wound.dofs.iter().zip(&self.wound.rest).zip(u) {
+            mass += dofs[3];
+            (0..3).for_each(|n| moment[n] += dofs[3] * (rest[n] + u[n]));
         }
         if mass > 0.0 { moment.map(|m| m / mass) } else { [0.0; 3] }
     }

@@ -78,8 +78,8 @@ fn faults(model: &Model, wound: &Wound) -> Vec<String> {
         if components(model, &around).len() > 1 {
             out.push(format!("node {node} holds {around:?} together"));
         }
-        if around.is_empty() != (wound.free[node][3] == 0.0) {
-            out.push(format!("node {node} of {} cells has {} kg", around.len(), wound.free[node][3]));
+        if around.is_empty() != (wound.dofs[node][3] == 0.0) {
+            out.push(format!("node {node} of {} cells has {} kg", around.len(), wound.dofs[node][3]));
         }
     }
     let edges = wound.surface.edges();
@@ -90,7 +90,7 @@ fn faults(model: &Model, wound: &Wound) -> Vec<String> {
         components(model, &alive).iter().filter(|size| **size < FRAGMENT).map(|size| format!("a piece of {size}")),
     );
     let [mass, wanted] = [wound.mass_of_nodes(), model.mechanics().mass_left(model, wound)];
-    if (mass - wanted).abs() > 1e-12 * model.free.iter().map(|free| free[3]).sum::<f64>() {
+    if (mass - wanted).abs() > 1e-12 * model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>() {
         out.push(format!("{mass} kg at the nodes, {wanted} kg in the cells"));
     }
     let volume = (wound.surface.alive.len() - alive.len()) as f64 * 1e-9;

@@ -81,8 +81,8 @@ fn a_body_has_the_volume_mass_and_centre_of_its_surface() {
         let embedded = model.grid.embedded.as_ref().expect("it is");
         let cell = model.shape[0][..3].iter().product::<f64>();
         let volume = embedded.share.iter().sum::<f64>() * cell;
-        let mass: f64 = model.free.iter().map(|free| free[3]).sum();
-        let moment = |n: usize| model.free.iter().zip(&model.rest).map(|(free, x)| free[3] * x[n]).sum::<f64>() / mass;
+        let mass: f64 = model.dofs.iter().map(|dofs| dofs[3]).sum();
+        let moment = |n: usize| model.dofs.iter().zip(&model.rest).map(|(dofs, x)| dofs[3] * x[n]).sum::<f64>() / mass;
         let centre = [moment(0), moment(1), moment(2) - half[2]];
         let [apart, heavier] = [volume / surface.volume() - 1.0, mass / (DENSITY * surface.volume()) - 1.0];
         let off = centre.map(|c| c.abs()).into_iter().fold(0.0, f64::max) / half[2];
@@ -817,7 +817,7 @@ axis = "z"
     let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(model.nodes_in(&scene.boundaries[0].region).len(), 81);
     assert!(
-        (model.free.iter().map(|free| free[3]).sum::<f64>() / (1100.0 * 20e-3 * 20e-3 * 2.3e-3) - 1.0).abs() < 1e-9
+        (model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>() / (1100.0 * 20e-3 * 20e-3 * 2.3e-3) - 1.0).abs() < 1e-9
     );
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut last = StepReport::default();

@@ -78,8 +78,8 @@ fn bar(cells: usize) -> Scene {
 fn momentum(simulation: &mut Simulation) -> (DVec3, f64) {
     let state = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail");
     let sum = |f: &dyn Fn(usize) -> DVec3| (0..state.v.len()).map(f).sum::<DVec3>();
-    let p = sum(&|n| DVec3::new(state.v[n][0], state.v[n][1], state.v[n][2]) * state.free[n][3]);
-    (p, state.free.iter().map(|f| f[3]).sum())
+    let p = sum(&|n| DVec3::new(state.v[n][0], state.v[n][1], state.v[n][2]) * state.dofs[n][3]);
+    (p, state.dofs.iter().map(|f| f[3]).sum())
 }
 
 /// A pressure on 2 mm × 2 mm of the top, from an instant on.

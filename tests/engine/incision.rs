@@ -136,7 +136,7 @@ fn duplicates_without_cells_do_not_move() {
     let (mut cut, _) = run(&pressed(1.8e-3), 60);
     assert!(cut.totals().links > 0, "the blade should have entered");
     let state = cut.snapshots().expect("the CPU path has no device to fail").remove(0);
-    let spare: Vec<usize> = (0..state.u.len()).filter(|node| state.free[*node][3] == 0.0).collect();
+    let spare: Vec<usize> = (0..state.u.len()).filter(|node| state.dofs[*node][3] == 0.0).collect();
     assert!(!spare.is_empty(), "columns of duplicates are whole, and the cut is not");
     assert!(
         spare.iter().all(|node| state.v[*node] == [0.0; 4]),
@@ -290,6 +290,6 @@ fn a_blade_goes_on_where_the_reserve_is_used_up() {
     assert_eq!((surface.edges().open, surface.parts.pieces(&surface.alive)), (0, 1));
     let mass = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
     let state = body.snapshot().expect("the CPU path has no device to fail");
-    assert!((mass(&state.free) / mass(&body.model.free) - 1.0).abs() < 1e-12);
+    assert!((mass(&state.dofs) / mass(&body.model.dofs) - 1.0).abs() < 1e-12);
     assert!(state.u.as_flattened().iter().chain(state.v.as_flattened()).all(|c| c.is_finite()));
 }

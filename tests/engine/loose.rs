@@ -22,7 +22,7 @@ fn a_piece_falls_freely_however_small_its_weight_is_beside_the_tolerance() {
     // the counter-test: the solve leaves more than such a piece weighs
     let (mut simulation, nodes) = parted(block(Preconditioner::Block, 1e-1), &Platform::Cpu64, CORNERS[0]);
     let left = simulation.step(false).unwrap_or_else(|e| panic!("{e}")).free.target;
-    let weight = |node: &usize| (simulation.bodies[0].wound.free[*node][3] * GRAVITY).powi(2);
+    let weight = |node: &usize| (simulation.bodies[0].wound.dofs[*node][3] * GRAVITY).powi(2);
     let weights = nodes.iter().map(weight).sum::<f64>().sqrt();
     assert!(weights < left, "{weights} N, {left} N");
 }
@@ -45,7 +45,7 @@ fn a_small_piece_rests_on_a_wall() {
     scene.tools[0].trajectory[0].position[2] = -0.5;
     scene.contact = Some(Contact { friction: 0.3, alarm: 0.5e-3, ..Contact::default() });
     let (mut simulation, nodes) = parted(scene, &Platform::Cpu64, CORNERS[0]);
-    let mass: f64 = nodes.iter().map(|node| simulation.bodies[0].wound.free[*node][3]).sum();
+    let mass: f64 = nodes.iter().map(|node| simulation.bodies[0].wound.dofs[*node][3]).sum();
     let (mut forces, mut passes) = (vec![], 0);
     for _ in 0..24 {
         let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
@@ -94,7 +94,7 @@ fn a_small_piece_hangs_by_an_attachment() {
         scene.attachments = vec![Attachment { body: 0, region, to: BodyId::World, slide: None }];
         scene.contact = Some(Contact::default());
         let (mut simulation, nodes) = parted(scene, &Platform::Cpu64, CORNERS[1]);
-        let weight: f64 = nodes.iter().map(|n| simulation.bodies[0].wound.free[*n][3]).sum::<f64>() * GRAVITY;
+        let weight: f64 = nodes.iter().map(|n| simulation.bodies[0].wound.dofs[*n][3]).sum::<f64>() * GRAVITY;
         let mut borne = 0.0;
         for _ in 0..40 {
             let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));

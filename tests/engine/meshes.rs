@@ -146,7 +146,7 @@ fn masses_volumes_and_areas_are_those_of_the_box() {
     let model = model(&scene);
     let of = model.grid.unstructured.as_ref().expect("a mesh");
     let volume = 20e-3 * 20e-3 * 2.3e-3;
-    let sums = [model.free.iter().map(|f| f[3]).sum::<f64>() / 1116.0, of.around.iter().sum()];
+    let sums = [model.dofs.iter().map(|f| f[3]).sum::<f64>() / 1116.0, of.around.iter().sum()];
     assert!(sums.iter().all(|sum| (sum / volume - 1.0).abs() < 1e-12), "{sums:?}");
     // a stretch by 1 %, 2 % and 3 % along the axes
     let stretched = field(&model, |[x, y, z]| [0.01 * x, 0.02 * y, 0.03 * z]);
@@ -426,7 +426,7 @@ fn a_free_mesh_rests_on_a_wall_with_its_weight() {
     if let Some(contact) = &mut scene.contact {
         contact.max_contacts = 200;
     }
-    let weight = 9.81 * model(&scene).free.iter().map(|f| f[3]).sum::<f64>();
+    let weight = 9.81 * model(&scene).dofs.iter().map(|f| f[3]).sum::<f64>();
     let mut simulation = simulation(&scene);
     let mut pushed = 0.0;
     for _ in 0..20 {
@@ -552,7 +552,7 @@ fn held_nodes_of_a_mesh_bear_its_weight_and_load() {
         }
         let (found, own) = probed(&scene, 12);
         let body = &own.bodies[0];
-        let mass: f64 = body.model.free.iter().map(|free| free[3]).sum();
+        let mass: f64 = body.model.dofs.iter().map(|dofs| dofs[3]).sum();
         let corners = |cell| body.wound.surface.corners_of(cell);
         let load = body.model.load_on(&scene.loads, 0.0, corners, |_| [0.0; 3]);
         for axis in 0..3 {

@@ -45,9 +45,9 @@ fn body(mass: Mass, reserve: usize) -> Model {
     scene.skins[0].mass = mass;
     let mut model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     model.hexahedra_mut().extra_columns = reserve;
-    model.free.resize(model.node_count(), [0.0; 4]);
-    for (k, free) in model.free.iter_mut().take(model.grid.node_count()).enumerate() {
-        free[k % 3] *= if k % 7 == 0 { 0.0 } else { 1.0 };
+    model.dofs.resize(model.node_count(), [0.0; 4]);
+    for (k, dofs) in model.dofs.iter_mut().take(model.grid.node_count()).enumerate() {
+        dofs[k % 3] *= if k % 7 == 0 { 0.0 } else { 1.0 };
     }
     model
 }
@@ -133,16 +133,16 @@ fn surface_is_closed(wound: &Wound) -> Result<(), TestCaseError> {
 
 fn mass_is_kept(model: &Model, wound: &Wound) -> Result<(), TestCaseError> {
     let mut of_original = vec![0.0; model.grid.node_count()];
-    for (node, free) in wound.free.iter().enumerate() {
+    for (node, dofs) in wound.dofs.iter().enumerate() {
         let has_cells = !wound.surface.parts.cells_of(node).is_empty();
-        prop_assert_eq!(free[3] > 0.0, has_cells, "node {} weighs {}", node, free[3]);
+        prop_assert_eq!(dofs[3] > 0.0, has_cells, "node {} weighs {}", node, dofs[3]);
         if has_cells {
             let original = wound.surface.parts.original(node);
-            of_original[original] += free[3];
-            prop_assert_eq!(&free[..3], &model.free[original][..3], "copies are held as their node is");
+            of_original[original] += dofs[3];
+            prop_assert_eq!(&dofs[..3], &model.dofs[original][..3], "copies are held as their node is");
         }
     }
-    for (sum, before) in of_original.iter().zip(&model.free) {
+    for (sum, before) in of_original.iter().zip(&model.dofs) {
         prop_assert!((sum / before[3] - 1.0).abs() < ROUNDING, "{} of {}", sum, before[3]);
     }
     Ok(())
@@ -179,7 +179,7 @@ impl Dense {
         let (params, stiffness) = (model.params::<f64>(), model.system_blocks::<f64>());
         let count = model.node_count();
         let mut block = vec![M3::zero(); count * count];
-        let axes = |node: usize| V3::from4(wound.free[node]);
+        let axes = |node: usize| V3::from4(wound.dofs[node]);
         for (cell, q) in rotation.iter().enumerate().take(model.grid.cell_count()) {
             let nodes = wound.surface.parts.corners(cell);
             let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
@@ -192,9 +192,9 @@ impl Dense {
                 *at = *at + M3::diagonal(axes(nodes[a])) * k * M3::diagonal(axes(nodes[b]));
             }
         }
-        for (node, free) in wound.free.iter().enumerate() {
+        for (node, dofs) in wound.dofs.iter().enumerate() {
             let at = &mut block[node * count + node];
-            *at = *at + M3::diagonal(axes(node) * (params.inertia * free[3]));
+            *at = *at + M3::diagonal(axes(node) * (params.inertia * dofs[3]));
         }
         Self { count, block }
     }
@@ -210,7 +210,7 @@ impl Dense {
 /// A field that is zero on held axes and where there is no node.
 fn field(wound: &Wound, seed: u64) -> Vec<V4<f64>> {
     let mut next = random(seed);
-    wound.free.iter().map(|free| [next() * free[0], next() * free[1], next() * free[2], 0.0]).collect()
+    wound.dofs.iter().map(|dofs| [next() * dofs[0], next() * dofs[1], next() * dofs[2], 0.0]).collect()
 }
 
 /// `A z` by the kernels' twins, and `z·A z`.
@@ -220,8 +220,8 @@ fn multiply(model: &Model, wound: &Wound, rotation: &[V4<f64>], z: &[V4<f64>]) -
     let mut w = vec![[0.0; 4]; z.len()];
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
     let whole =
-        product(&params, &modes, layers, &Frames::new(&params, rotation, split), &wound.free, z, &mut w, &mut scratch);
-    let dot = whole + split_product(&params, &modes, layers, rotation, &wound.free, split, cells, z, &mut w);
+        product(&params, &modes, layers, &Frames::new(&params, rotation, split), &wound.dofs, z, &mut w, &mut scratch);
+    let dot = whole + split_product(&params, &modes, layers, rotation, &wound.dofs, split, cells, z, &mut w);
     (w, dot)
 }
 
@@ -259,8 +259,8 @@ fn blocks_are_those_of_the_matrix(model: &Model, wound: &Wound, seed: u64) -> Re
     let dense = Dense::new(model, wound, &rotation);
     let mut block = vec![[0.0; 4]; 4 * dense.count];
     let stiffness = model.system_blocks::<f64>();
-    blocks(&params, &stiffness, &model.grid.layer_of, &rotation, &wound.free, parts.table(), &mut block);
-    for node in (0..dense.count).filter(|n| wound.free[*n][3] > 0.0) {
+    blocks(&params, &stiffness, &model.grid.layer_of, &rotation, &wound.dofs, parts.table(), &mut block);
+    for node in (0..dense.count).filter(|n| wound.dofs[*n][3] > 0.0) {
         let own = unpack::<f64>(&block[4 * node..4 * node + 4]);
         let at = |a: usize, b: usize| dense.block[a * dense.count + b];
         let size = at(node, node).trace().abs() + 1.0;
@@ -275,11 +275,11 @@ fn blocks_are_those_of_the_matrix(model: &Model, wound: &Wound, seed: u64) -> Re
                 if params.grid_coordinates(parts.table(), above).is_some() { at(node, above) } else { M3::zero() };
             prop_assert!(far(own.g, exact) < ROUNDING * size, "U of node {} with cell {}", node, cell);
         }
-        let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+        let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.dofs[node]));
         let off = far(own.d, at(node, node) + fixed);
         if parts.cells_of(node).into_iter().all(chained) {
             prop_assert!(off < ROUNDING * size, "D of node {}: {:e} of {:e}", node, off, size);
-        } else if wound.free[node][..3] == [1.0; 3] {
+        } else if wound.dofs[node][..3] == [1.0; 3] {
             prop_assert!(off > 1e-3 * size, "D of node {} counts what U leaves out", node);
         }
     }
@@ -293,7 +293,7 @@ fn forks_solve_their_columns(model: &Model, wound: &Wound, seed: u64) -> Result<
     let (rotation, load) = (turned(model, seed), field(wound, seed + 3));
     let dense = Dense::new(model, wound, &rotation);
     let mut forks = Forks::new(&params, parts.table());
-    forks.factor(&params, &model.system_blocks(), &model.grid.layer_of, &rotation, &wound.free);
+    forks.factor(&params, &model.system_blocks(), &model.grid.layer_of, &rotation, &wound.dofs);
     let zero = vec![[0.0; 4]; dense.count];
     let mut found = vec![];
     forks.solve(true, [&load, &zero, &zero, &zero], &mut found);
@@ -316,14 +316,14 @@ fn forks_solve_their_columns(model: &Model, wound: &Wound, seed: u64) -> Result<
                 sum += k * V3::from4(*x);
             }
             let own = V3::from4(own[nodes.iter().position(|n| *n as usize == node).expect("one of them")][0]);
-            sum += own.times(V3::splat(1.0) - V3::from4(wound.free[node]));
+            sum += own.times(V3::splat(1.0) - V3::from4(wound.dofs[node]));
             let off = (sum - V3::from4(load[node])).length();
             // relative to the loads, of size 1
             prop_assert!(off < 1e3 * ROUNDING, "node {} is off by {:e}", node, off);
             forked.insert(node);
         }
     }
-    let others = (0..dense.count).filter(|n| wound.free[*n][3] > 0.0 && !forked.contains(n));
+    let others = (0..dense.count).filter(|n| wound.dofs[*n][3] > 0.0 && !forked.contains(n));
     for node in others {
         for cell in parts.cells_of(node) {
             let corners = parts.corners(cell);
@@ -417,12 +417,12 @@ fn found(model: &Model, wound: &Wound, rotation: &[V4<f64>], once: bool) -> f64 
     let (params, table) = (model.params::<f64>(), wound.surface.parts.table());
     let stiffness = model.system_blocks::<f64>();
     let mut block = vec![[0.0; 4]; 4 * model.node_count()];
-    blocks(&params, &stiffness, &model.grid.layer_of, rotation, &wound.free, table, &mut block);
+    blocks(&params, &stiffness, &model.grid.layer_of, rotation, &wound.dofs, table, &mut block);
     if once {
         let dense = Dense::new(model, wound, rotation);
         for node in 0..dense.count {
             let own = unpack::<f64>(&block[4 * node..4 * node + 4]);
-            let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+            let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.dofs[node]));
             let d = dense.block[node * dense.count + node] + fixed;
             block[4 * node..4 * node + 4].copy_from_slice(&pack(Block { d, g: own.g }));
         }

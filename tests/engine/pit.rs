@@ -71,7 +71,7 @@ fn booked(model: &Model, wound: &Wound) -> [f64; 2] {
     let [left, _] = wound.volume(model, &vec![[0.0; 4]; model.node_count()]);
     assert!(((whole - gone) / left - 1.0).abs() < 1e-12, "{left:e} m³ left of {whole:e}");
     let mass = wound.mass_of_nodes() - model.mechanics().mass_left(model, wound);
-    [(wound.totals.volume - gone) / whole, mass / model.free.iter().map(|free| free[3]).sum::<f64>()]
+    [(wound.totals.volume - gone) / whole, mass / model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>()]
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn lighter_cells_weigh_and_resist_less() {
         scene.time.gravity = [0.0, 0.0, -9.81];
         let (mut simulation, steps) = run(&scene, &Platform::Cpu64, true);
         let body = &simulation.bodies[0];
-        let lost = body.model.free.iter().map(|free| free[3]).sum::<f64>() - body.wound.mass_of_nodes();
+        let lost = body.model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>() - body.wound.mass_of_nodes();
         assert!(lost > 1e-6 && steps.iter().all(|step| !step.warnings.contains_key("energy_grew")));
         // the state's own shares are what its energy is of
         let state = simulation.bodies[0].snapshot().unwrap_or_else(|e| panic!("{e}"));

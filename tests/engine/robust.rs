@@ -102,17 +102,17 @@ fn solved(before: Snapshot, dx: Vec<[f64; 4]>) -> Solved {
 /// Relative change of a body's mass.
 fn mass_lost(model: &Model, state: &Snapshot) -> f64 {
     let sum = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
-    (sum(&state.free) / sum(&model.free) - 1.0).abs()
+    (sum(&state.dofs) / sum(&model.dofs) - 1.0).abs()
 }
 
 /// What must hold after each sweep.
 fn holds(model: &Model, wound: &Wound, state: &Snapshot) -> Result<(), String> {
     let (params, parts) = (model.params::<f64>(), &wound.surface.parts);
-    let numbers = state.u.iter().chain(&state.v).chain(&state.free).chain(&state.rotation).flatten();
+    let numbers = state.u.iter().chain(&state.v).chain(&state.dofs).chain(&state.rotation).flatten();
     if let Some(c) = numbers.into_iter().find(|c| !c.is_finite()) {
         return Err(format!("{c} in the state"));
     }
-    if state.split != parts.table() || state.free != wound.free {
+    if state.split != parts.table() || state.dofs != wound.dofs {
         return Err("the backend has another table or other masses".into());
     }
     let mut used = BTreeSet::new();
@@ -124,7 +124,7 @@ fn holds(model: &Model, wound: &Wound, state: &Snapshot) -> Result<(), String> {
             used.insert(own);
         }
     }
-    if let Some(node) = used.iter().find(|node| state.free[**node][3] <= 0.0) {
+    if let Some(node) = used.iter().find(|node| state.dofs[**node][3] <= 0.0) {
         return Err(format!("node {node} has cells and no mass"));
     }
     if used.len() != model.grid.node_count() + wound.totals.copies {
@@ -227,9 +227,9 @@ fn a_word_a_mass_or_a_copy_that_is_left_out_is_noticed() {
     let state = run.state();
     assert_eq!(holds(&run.model, &run.wound, &state), Ok(()));
     let copy = run.model.grid.node_count() + run.wound.surface.parts.copies(0).len();
-    let copy = (copy..run.model.node_count()).find(|node| state.free[*node][3] > 0.0).expect("there are copies");
+    let copy = (copy..run.model.node_count()).find(|node| state.dofs[*node][3] > 0.0).expect("there are copies");
     let mut lighter = state.clone();
-    lighter.free[copy][3] = 0.0;
+    lighter.dofs[copy][3] = 0.0;
     assert!(mass_lost(&run.model, &lighter) > 1e3 * ROUNDING);
     assert!(holds(&run.model, &run.wound, &lighter).is_err());
     let mut nowhere = state.clone();

@@ -72,9 +72,9 @@ fn faults(scene: &Scene, model: &Model, wound: &Wound) -> Vec<String> {
             }
         }
     }
-    let whole: f64 = model.free.iter().map(|free| free[3]).sum();
+    let whole: f64 = model.dofs.iter().map(|dofs| dofs[3]).sum();
     for (node, wanted) in around.iter().enumerate() {
-        let mass = wound.free[node][3];
+        let mass = wound.dofs[node][3];
         let own = if model.mass == Mass::Uniform { mass > 0.0 } else { (mass - wanted).abs() <= ROUNDING * whole };
         if (*wanted == 0.0) != (mass == 0.0) || !own && *wanted > 0.0 {
             out.push(format!("node {node} has {mass} kg, its tetrahedra {wanted} kg"));
@@ -278,7 +278,7 @@ fn a_half_that_is_cut_free_falls_as_a_whole_and_the_cut_keeps_the_momentum() {
         assert!(free > 1000 && sagged < 0.2 * wanted.abs(), "{free} {sagged} {wanted}");
         // a cut while it moves keeps the momentum
         let momentum = |state: &cutis::bodies::Snapshot| {
-            [0, 1, 2].map(|n| state.v.iter().zip(&state.free).map(|(v, free)| v[n] * free[3]).sum::<f64>())
+            [0, 1, 2].map(|n| state.v.iter().zip(&state.dofs).map(|(v, dofs)| v[n] * dofs[3]).sum::<f64>())
         };
         let hits = through(&body.model, 1.7e-3);
         assert!(body.sever(&hits).expect("the CPU path has no device to fail") > 0);
@@ -350,7 +350,7 @@ fn carving_leaves_no_contact_by_an_edge_or_a_node_alone() {
             wound.carve(&model, &chosen);
             assert!(faults(&scene, &model, &wound).is_empty(), "{:?}", faults(&scene, &model, &wound));
             assert_eq!(wound.surface.edges(), Edges::default(), "seed {seed}");
-            let whole: f64 = model.free.iter().map(|free| free[3]).sum();
+            let whole: f64 = model.dofs.iter().map(|dofs| dofs[3]).sum();
             let [mass, left] = [wound.mass_of_nodes(), model.mechanics().mass_left(&model, &wound)];
             assert!((mass - left).abs() < ROUNDING * whole, "{mass} kg at the nodes, {left} kg in the tetrahedra");
         }
@@ -698,7 +698,7 @@ fn ten_thousand_steps_of_cutting_and_carving_lose_nothing() {
                 let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
                 assert!(!report.warnings.contains_key("non_finite_nodes"), "{:?}", report.warnings);
                 let body = &simulation.bodies[0];
-                let whole: f64 = body.model.free.iter().map(|free| free[3]).sum();
+                let whole: f64 = body.model.dofs.iter().map(|dofs| dofs[3]).sum();
                 let mass = body.wound.mass_of_nodes();
                 let booked = mass - body.model.mechanics().mass_left(&body.model, &body.wound);
                 assert!(booked.abs() < 1e-12 * whole, "{booked:e} kg");

@@ -402,7 +402,7 @@ impl Body {
             "weight" | "weight_around" => random.many(self.weighted().1.len(), 1.0),
             "auxiliary_r" => random.vectors(all, 0.01),
             "auxiliary_z" => random.vectors((nodes + BESIDE) * self.slots, 1e-4),
-            "free" | "coarse_free" | "auxiliary_free" => (0..nodes)
+            "dofs" | "coarse_dofs" | "auxiliary_dofs" => (0..nodes)
                 .flat_map(|_| {
                     let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
                     [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())]

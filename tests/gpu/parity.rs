@@ -63,7 +63,7 @@ macro_rules! cases {
 
 const CASES: &[Case] = cases! {
     accelerate Nodes false [
-        "free[i].w * params.inertia" => "params.inertia", "1.0 / inertia" => "inertia", "* free[i].xyz" => ""
+        "dofs[i].w * params.inertia" => "params.inertia", "1.0 / inertia" => "inertia", "* dofs[i].xyz" => ""
     ]
     ahead Nodes false ["* params.lead_time" => "* params.step", "u[i].xyz + v" => "v", "u[i].xyz + v" => "u[i].xyz - v"]
     advance One true [
@@ -77,14 +77,14 @@ const CASES: &[Case] = cases! {
         "request.w == 2.0" => "request.w == 3.0", "max(tail.x, request.x * sums.w)" => "tail.x"
     ]
     rest_springs Ids false [
-        "* spring_stiffness[k]" => "* spring_stiffness[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
+        "* spring_stiffness[k]" => "* spring_stiffness[0]", "* dofs[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
     auxiliary_correction Nodes true [
-        "+ weighted[n]" => "", "* weight[n]" => "", "* free[i].xyz" => "", "slot * (arrayLength(&auxiliary_z) / params.slot_count)" => "slot * params.node_count",
+        "+ weighted[n]" => "", "* weight[n]" => "", "* dofs[i].xyz" => "", "slot * (arrayLength(&auxiliary_z) / params.slot_count)" => "slot * params.node_count",
         "n < first_weight[i + 1u]" => "n + 1u < first_weight[i + 1u]", "w[at] = vec4<f32>(0.0)" => "w[at] = z[at]", "scalars[slot * 2u].w != 0.0" => "false"
     ]
     auxiliary_restriction Nodes true [
-        "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_free[i].xyz" => "", "slot * (arrayLength(&r) / params.slot_count)" => "slot * params.node_count",
+        "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_dofs[i].xyz" => "", "slot * (arrayLength(&r) / params.slot_count)" => "slot * params.node_count",
         "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[slot * 2u].w != 0.0" => "false"
     ]
     auxiliary_rotations Cells false [
@@ -97,7 +97,7 @@ const CASES: &[Case] = cases! {
     blocks Nodes false [
         "first + (a | 4u)" => "first + a", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "all(c < vec3" => "all(c + 1u < vec3", "corner_node(params, at, a) != i" => "false", "a < 4u && chained" => "a < 4u",
-        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "i + bundle(p, (i - columns * p.nodes_z) / p.nodes_z).y" => "i + BUNDLE", "free[over].xyz" => "free[i].xyz",
+        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "i + bundle(p, (i - columns * p.nodes_z) / p.nodes_z).y" => "i + BUNDLE", "dofs[over].xyz" => "dofs[i].xyz",
         "own += stiffness_between(cell, a, a)" => "", "upper += stiffness_between(cell, a, a | 4u)" => "", "outer(s_b, s_a)" => "outer(s_a, s_b)", "squares.y * (xy + yz + all)" => "squares.y * (xy + yz)", "params.corotational >= HYPERELASTIC" => "false", "* sign.y" => "* sign.z"
     ]
     bounds Bounds false [
@@ -113,7 +113,7 @@ const CASES: &[Case] = cases! {
     ]
     collect Nodes false ["a * 3u;" => "3u;", "|| corner_node(params, at, a) != i" => "", "corner_force[k + 1u]" => "corner_force[k]", "all(c < vec3" => "all(c + 1u < vec3"]
     collect_product Nodes true [
-        "* params.stiffness_factor" => "", "* free[i].xyz" => "", "slot * params.cell_count * 24u" => "0u", "w[at].xyz + more" => "more",
+        "* params.stiffness_factor" => "", "* dofs[i].xyz" => "", "slot * params.cell_count * 24u" => "0u", "w[at].xyz + more" => "more",
         "scalars[slot * 2u].w == 0.0" => "true", "n = GROUP / 2u" => "n = GROUP / 4u", "corner_force[k + 1u]" => "corner_force[k]"
     ]
     converge One true [
@@ -176,7 +176,7 @@ const CASES: &[Case] = cases! {
     prescribe Ids false ["let i = ids[k]" => "let i = k", "- u[i].xyz" => "+ u[i].xyz", "== vec3<f32>(0.0)" => "== vec3<f32>(1.0)"]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
     product Tiles true [
-        "params.inertia * free[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "params.inertia * dofs[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",
         "scalars[slot * 2u].w == 0.0" => "true", "a1 = v[0] - v[1]" => "a1 = v[0] + v[1]",
         "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * f7" => "transpose(r) * f7",
         "vec3<f32>(l7.x, l4.y, l2.z)" => "vec3<f32>(l7.x, l4.y, l3.z)", "(below + above)" => "(above)",
@@ -185,7 +185,7 @@ const CASES: &[Case] = cases! {
         "params.corotational >= HYPERELASTIC" => "false", "dot(y2, l2)" => "dot(y2, l4)", "f4 += y4 * change" => "f4 += y2 * change", "let spin = 0.5 *" => "let spin =", "f2 += cross(spin" => "f2 -= cross(spin", "vec3<f32>(k.y, k.x, k.x + k.y) * l3" => "vec3<f32>(k.x, k.y, k.x + k.y) * l3", "vec3<f32>(k.y + k.z, k.z, k.y) * l6" => "vec3<f32>(k.z, k.z, k.y) * l6", "/ 3.0 * l7" => "/ 9.0 * l7"
     ]
     prolongation Nodes true [
-        "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = grid_coordinates(params, i)" => "let at = node_at(params, i)",
+        "0.25 *" => "0.5 *", "dofs[i].xyz" => "dofs[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = grid_coordinates(params, i)" => "let at = node_at(params, i)",
         "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     relax Columns true [
@@ -194,12 +194,12 @@ const CASES: &[Case] = cases! {
         "scalars[slot * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
     ]
     residual Nodes false [
-        "(elastic - before)" => "elastic", "- w[i].xyz - (" => "- (", "* free[i].xyz" => "", "* 0.5" => "",
+        "(elastic - before)" => "elastic", "- w[i].xyz - (" => "- (", "* dofs[i].xyz" => "", "* 0.5" => "",
         "(b[i].xyz + before)" => "b[i].xyz", "dot(left, left)" => "dot(left, pull)", "elastic + left" => "elastic - left", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     restriction Nodes true [
         "0.5, 1.0, x == at.x + 1u" => "0.5, 1.0, x == at.x", "0.5, 1.0, y == at.y + 1u" => "0.5, 1.0, y == at.y", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
-        "coarse_free[i].xyz" => "coarse_free[0].xyz", "while next != 0u" => "while next != 0u && false", "level * own.y" => "level",
+        "coarse_dofs[i].xyz" => "coarse_dofs[0].xyz", "while next != 0u" => "while next != 0u && false", "level * own.y" => "level",
         "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
@@ -210,7 +210,7 @@ const CASES: &[Case] = cases! {
     split_product Touched true [
         "!is_split(params, cell) ||" => "", "|| corner_node(params, at, a) != i" => "", "if !of_grid { out" => "if of_grid { out",
         "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true",
-        "parent % p.nodes_x" => "0u", "within / own.y" => "0u", "rest - own.x * p.nodes_z" => "rest", "out *= free[i].xyz" => "out *= free[0].xyz", "- own) * r;" => "- own) * transpose(r);", "{ local += stiffness_between(cell, a, b) * moved; }" => "{ }", "* sign.y" => "* sign.z"
+        "parent % p.nodes_x" => "0u", "within / own.y" => "0u", "rest - own.x * p.nodes_z" => "rest", "out *= dofs[i].xyz" => "out *= dofs[0].xyz", "- own) * r;" => "- own) * transpose(r);", "{ local += stiffness_between(cell, a, b) * moved; }" => "{ }", "* sign.y" => "* sign.z"
     ]
     springs Nodes false [
         "max(stretch, 0.0)" => "stretch", "sum -= d" => "sum += d", "own.x + elongation" => "elongation",
@@ -271,7 +271,7 @@ const CASES: &[Case] = cases! {
         "pressure[offset + i]" => "pressure[i]", "scalars[slot * 2u].w != 0.0" => "false"
     ]
     tetrahedra_product Nodes true [
-        "params.inertia * free[i].w" => "params.inertia", "* params.stiffness_factor" => "", "* free[i].xyz" => "", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "params.inertia * dofs[i].w" => "params.inertia", "* params.stiffness_factor" => "", "* dofs[i].xyz" => "", "n = GROUP / 2u" => "n = GROUP / 4u",
         "3u * slot * params.tetrahedron_count" => "0u", "scalars[slot * 2u].w == 0.0" => "true", "sum -= tet" => "sum += tet"
     ]
     tetrahedra_rotations Tetrahedra false [

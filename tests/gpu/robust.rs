@@ -79,8 +79,8 @@ fn whole(model: &Model, wound: &Wound) -> Removal {
     let words =
         (0..).zip(pairs).filter(|(_, (before, now))| before != now).map(|(word, (_, now))| (word, *now)).collect();
     let in_use = model.params::<f32>().nodes_in_use(wound.surface.parts.table());
-    let free = (0..).zip(wound.free.iter().copied()).take(in_use).collect();
-    Removal { words, free, ..Removal::default() }
+    let dofs = (0..).zip(wound.dofs.iter().copied()).take(in_use).collect();
+    Removal { words, dofs, ..Removal::default() }
 }
 
 impl Run {

@@ -351,7 +351,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("tile bounds", SOLUTION, triples(&bounds.concat())));
     // one cell (or its springs) and, at the corner, a node go
     let (cells, springs, nodes) = removal(model);
-    b.remove(&cutis::bodies::Removal { cells, springs, free: nodes, ..Default::default() })?;
+    b.remove(&cutis::bodies::Removal { cells, springs, dofs: nodes, ..Default::default() })?;
     b.begin()?;
     let all: Vec<u32> = (0..model.grid.node_count() as u32).collect();
     let query = Query { elastic_forces: all.clone(), ..Query::default() };
@@ -363,8 +363,8 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     let s = b.snapshot()?;
     seen.push(("u", SOLUTION, triples(&s.u)));
     seen.push(("v", SOLUTION, triples(&s.v)));
-    seen.push(("free axes", SOLUTION, triples(&s.free)));
-    seen.push(("masses", SOLUTION, s.free.iter().map(|f| [f[3]; 3]).collect()));
+    seen.push(("free axes", SOLUTION, triples(&s.dofs)));
+    seen.push(("masses", SOLUTION, s.dofs.iter().map(|f| [f[3]; 3]).collect()));
     let fourth = |q: &[f64; 4]| [[q[0], q[1], q[2]], [q[3]; 3]];
     seen.push(("rotations", SOLUTION, s.rotation.iter().flat_map(fourth).collect()));
     seen.push(("law", SOLUTION, s.law.iter().flat_map(fourth).collect()));
@@ -384,7 +384,7 @@ fn removal(model: &Model) -> Removal {
     let (cell, last) = (model.grid.cell_count() - 1, model.grid.node_count() - 1);
     let share = model.shape[model.shape.len() - 1][3];
     let left = |node: usize| {
-        let [x, y, z, mass] = model.free[node];
+        let [x, y, z, mass] = model.dofs[node];
         if node == last { [0.0; 4] } else { [x, y, z, mass - share] }
     };
     let nodes = params.corners(cell).map(|n| (n as u32, left(n))).to_vec();

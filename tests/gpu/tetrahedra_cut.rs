@@ -84,7 +84,7 @@ fn rounds(gpu: &Gpu, law: Law, lost: usize) -> Result<Vec<f64>, Failure> {
             simulation.step(false)?;
             let state = simulation.snapshots()?.swap_remove(0);
             u.push(state.u);
-            tables.push((state.split, state.free));
+            tables.push((state.split, state.dofs));
         }
         if lost == 0 && tables[0] != tables[1] {
             return Err(format!("round {round}: other nodes or masses than on the CPU path").into());

@@ -41,7 +41,7 @@ fn start_sums<R: Real>(b: &Body, name: &str, groups: usize) -> Vec<R> {
 
 pub fn accelerate<R: Real>(b: &Body) -> Outputs<R> {
     let mut x = b.v4::<R>("x");
-    kernels::accelerate::accelerate(&b.params(), &b.v4("free"), &b.v4("b"), &mut x);
+    kernels::accelerate::accelerate(&b.params(), &b.v4("dofs"), &b.v4("b"), &mut x);
     vec![("x", flat(&x))]
 }
 
@@ -91,7 +91,7 @@ pub fn rest_springs<R: Real>(b: &Body) -> Outputs<R> {
     kernels::rest_springs::rest_springs(
         &b.ids(),
         &b.scalars("spring_stiffness"),
-        &b.v4("free"),
+        &b.v4("dofs"),
         &b.v4("u"),
         &mut right,
     );
@@ -113,8 +113,8 @@ pub fn trial_point<R: Real>(b: &Body) -> Outputs<R> {
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
-    let (stiffness, free) = (b.stiffness(), b.v4("free"));
-    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &b.split(), &mut block);
+    let (stiffness, dofs) = (b.stiffness(), b.v4("dofs"));
+    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &dofs, &b.split(), &mut block);
     vec![("block", flat(&block))]
 }
 
@@ -144,11 +144,11 @@ pub fn collect<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn collect_product<R: Real>(b: &Body) -> Outputs<R> {
     let (mut w, mut sums) = (b.v4::<R>("w"), start_sums(b, "partial_product", b.product_groups()));
-    let (force, z, free) = (b.scalars::<R>("corner_force"), b.v4::<R>("z"), b.v4("free"));
+    let (force, z, dofs) = (b.scalars::<R>("corner_force"), b.v4::<R>("z"), b.v4("dofs"));
     let cells = b.grid.cell_count() * 24;
     for (slot, nodes) in running(b) {
         let own = &force[slot * cells..(slot + 1) * cells];
-        let dot = kernels::collect_product::collect_product(&b.params(), own, &free, &z[nodes.clone()], &mut w[nodes]);
+        let dot = kernels::collect_product::collect_product(&b.params(), own, &dofs, &z[nodes.clone()], &mut w[nodes]);
         sums[slot] += dot;
     }
     vec![("w", flat(&w)), ("partial_product", sums)]
@@ -199,11 +199,11 @@ pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn residual<R: Real>(b: &Body) -> Outputs<R> {
-    let [f, right, w, dx, free] = ["f", "b", "w", "dx", "free"].map(|name| b.v4::<R>(name));
+    let [f, right, w, dx, dofs] = ["f", "b", "w", "dx", "dofs"].map(|name| b.v4::<R>(name));
     let mut residual_force = b.v4("residual_force");
     let force = b.scalars("corner_force");
     let potential_and_residual =
-        kernels::residual::residual(&b.params(), &force, &f, &right, &w, &dx, &free, &mut residual_force);
+        kernels::residual::residual(&b.params(), &force, &f, &right, &w, &dx, &dofs, &mut residual_force);
     vec![("residual_force", flat(&residual_force)), ("potential_and_residual", potential_and_residual.to_vec())]
 }
 
@@ -283,10 +283,10 @@ pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
-    let (shape, rotation, free) = (b.v4("shape"), b.v4("rotation"), b.v4("free"));
+    let (shape, rotation, dofs) = (b.v4("shape"), b.v4("rotation"), b.v4("dofs"));
     let mut mean_v = b.v4::<R>("mean_v");
     let (layer_of, split, v) = (&b.grid.layer_of, b.split(), b.v4("v"));
-    kernels::momentum::momentum(&b.params(), &shape, layer_of, &split, &rotation, &free, &v, &mut mean_v);
+    kernels::momentum::momentum(&b.params(), &shape, layer_of, &split, &rotation, &dofs, &v, &mut mean_v);
     vec![("mean_v", flat(&mean_v))]
 }
 
@@ -325,14 +325,14 @@ pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let (modes, rotation) = (b.modes(), b.v4("rotation"));
-    let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
+    let (dofs, z, mut w) = (b.v4::<R>("dofs"), b.v4("z"), b.v4("w"));
     let (p, layer_of, split) = (b.params(), &b.grid.layer_of, b.split());
     let frames = Frames::new(&p, &rotation, &split);
     let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
-        dots[slot] = kernels::product::product(&p, &modes, layer_of, &frames, &free, z, w, &mut scratch);
+        dots[slot] = kernels::product::product(&p, &modes, layer_of, &frames, &dofs, z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
@@ -341,7 +341,7 @@ pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
     let (coarse, mut z, count) = (b.v4::<R>("coarse_z"), b.v4("z"), b.coarse_nodes());
     for (slot, at) in running(b) {
         let coarse = &coarse[slot * count..(slot + 1) * count];
-        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), &b.split(), coarse, &mut z[at]);
+        kernels::prolongation::prolongation(&b.params(), &b.v4("dofs"), &b.split(), coarse, &mut z[at]);
     }
     vec![("z", flat(&z))]
 }
@@ -362,11 +362,11 @@ pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
-    let (free, r, w, mut coarse) = (b.v4::<R>("coarse_free"), b.v4("r"), b.v4("w"), b.v4("coarse_r"));
+    let (dofs, r, w, mut coarse) = (b.v4::<R>("coarse_dofs"), b.v4("r"), b.v4("w"), b.v4("coarse_r"));
     let count = b.coarse_nodes();
     for (slot, at) in running(b) {
         let coarse = &mut coarse[slot * count..(slot + 1) * count];
-        kernels::restriction::restriction(&b.params(), &free, &b.split(), &r[at.clone()], &w[at], coarse);
+        kernels::restriction::restriction(&b.params(), &dofs, &b.split(), &r[at.clone()], &w[at], coarse);
     }
     vec![("coarse_r", flat(&coarse))]
 }
@@ -382,7 +382,7 @@ pub fn duplicate<R: Real>(b: &Body) -> Outputs<R> {
 /// is the gather that the shader does, over the split cells alone.
 pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
     let (p, split): (Params<R>, _) = (b.params(), b.split());
-    let (stiffness, rotation, free) = (b.stiffness::<R>(), b.v4::<R>("rotation"), b.v4::<R>("free"));
+    let (stiffness, rotation, dofs) = (b.stiffness::<R>(), b.v4::<R>("rotation"), b.v4::<R>("dofs"));
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
@@ -409,9 +409,9 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
             let mut out = sum * p.stiffness_factor;
             let of_grid = i < p.grid_nodes();
             if !of_grid {
-                out += own * (p.inertia * free[i][3]);
+                out += own * (p.inertia * dofs[i][3]);
             }
-            out = out.times(V3::from4(free[i]));
+            out = out.times(V3::from4(dofs[i]));
             dots[slot] += own.dot(out);
             w[i] = if of_grid { (out + V3::from4(w[i])).pad(R::zero()) } else { out.pad(R::zero()) };
         }
@@ -421,8 +421,8 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
     let mut right = b.v4::<R>("b");
-    let (f, v, free, load) = (b.v4("f"), b.v4("v"), b.v4("free"), b.v4("load"));
-    let sum = kernels::rhs::rhs(&b.params(), &f, &v, &free, &load, &mut right);
+    let (f, v, dofs, load) = (b.v4("f"), b.v4("v"), b.v4("dofs"), b.v4("load"));
+    let sum = kernels::rhs::rhs(&b.params(), &f, &v, &dofs, &load, &mut right);
     vec![("b", flat(&right)), ("partial_load", vec![sum])]
 }
 
@@ -435,7 +435,7 @@ pub fn rotations<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn prescribe<R: Real>(b: &Body) -> Outputs<R> {
     let mut x = b.v4::<R>("x");
-    kernels::prescribe::prescribe(&b.ids(), &b.v4("values"), &b.v4("free"), &b.v4("u"), &mut x);
+    kernels::prescribe::prescribe(&b.ids(), &b.v4("values"), &b.v4("dofs"), &b.v4("u"), &mut x);
     vec![("x", flat(&x))]
 }
 
@@ -455,13 +455,13 @@ pub fn springs<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn springs_blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
-    let (tangent, free, s) = (b.v4("tangent"), b.v4("free"), &b.springs);
-    kernels::springs_blocks::springs_blocks(&b.params(), &s.first, &s.half, &tangent, &free, &mut block);
+    let (tangent, dofs, s) = (b.v4("tangent"), b.v4("dofs"), &b.springs);
+    kernels::springs_blocks::springs_blocks(&b.params(), &s.first, &s.half, &tangent, &dofs, &mut block);
     vec![("block", flat(&block))]
 }
 
 pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
-    let (tangent, free, s) = (b.v4("tangent"), b.v4("free"), &b.springs);
+    let (tangent, dofs, s) = (b.v4("tangent"), b.v4("dofs"), &b.springs);
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
@@ -470,7 +470,7 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
             &s.first,
             &s.half,
             &tangent,
-            &free,
+            &dofs,
             &z[at.clone()],
             &mut w[at],
         );
@@ -493,22 +493,22 @@ pub fn auxiliary_rotations<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn auxiliary_restriction<R: Real>(b: &Body) -> Outputs<R> {
     let (mut out, (first, nodes)) = (b.v4::<R>("auxiliary_r"), b.weighted());
-    let (weight, free, r) = (b.scalars("weight_around"), b.v4("auxiliary_free"), b.v4("r"));
+    let (weight, dofs, r) = (b.scalars("weight_around"), b.v4("auxiliary_dofs"), b.v4("r"));
     let beside: Vec<_> = running_of(b, b.nodes() + BESIDE).map(|(_, at)| at).collect();
     for ((_, at), from) in running(b).zip(beside) {
         let out = &mut out[at];
-        kernels::auxiliary_restriction::auxiliary_restriction(&first, &nodes, &weight, &free, &r[from], out);
+        kernels::auxiliary_restriction::auxiliary_restriction(&first, &nodes, &weight, &dofs, &r[from], out);
     }
     vec![("auxiliary_r", flat(&out))]
 }
 
 pub fn auxiliary_correction<R: Real>(b: &Body) -> Outputs<R> {
     let ([mut z, mut w], (first, nodes)) = (["z", "w"].map(|name| b.v4::<R>(name)), b.weighted());
-    let (weight, free, from_grid) = (b.scalars("weight"), b.v4("free"), b.v4("auxiliary_z"));
+    let (weight, dofs, from_grid) = (b.scalars("weight"), b.v4("dofs"), b.v4("auxiliary_z"));
     let beside: Vec<_> = running_of(b, b.nodes() + BESIDE).map(|(_, at)| at).collect();
     for ((_, at), from) in running(b).zip(beside) {
         let (z, w) = (&mut z[at.clone()], &mut w[at]);
-        kernels::auxiliary_correction::auxiliary_correction(&first, &nodes, &weight, &free, &from_grid[from], z, w);
+        kernels::auxiliary_correction::auxiliary_correction(&first, &nodes, &weight, &dofs, &from_grid[from], z, w);
     }
     vec![("z", flat(&z)), ("w", flat(&w))]
 }
@@ -708,7 +708,7 @@ pub fn tetrahedra_forces<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn tetrahedra_product<R: Real>(b: &Body) -> Outputs<R> {
-    let (force, free, of) = (b.v4::<R>("tetrahedron_force"), b.v4("free"), &b.tetrahedra);
+    let (force, dofs, of) = (b.v4::<R>("tetrahedron_force"), b.v4("dofs"), &b.tetrahedra);
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for ((slot, at), (_, nodes)) in running_of(b, 3 * of.corners.len()).zip(running(b)) {
@@ -717,7 +717,7 @@ pub fn tetrahedra_product<R: Real>(b: &Body) -> Outputs<R> {
             &of.first_of_node,
             &of.of_node,
             &force[at],
-            &free,
+            &dofs,
             &z[nodes.clone()],
             &mut w[nodes],
         );
@@ -726,9 +726,9 @@ pub fn tetrahedra_product<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn tetrahedra_blocks<R: Real>(b: &Body) -> Outputs<R> {
-    let (rest, rotation, free) = (b.v4("rest_block"), b.v4("node_rotation"), b.v4("free"));
+    let (rest, rotation, dofs) = (b.v4("rest_block"), b.v4("node_rotation"), b.v4("dofs"));
     let mut block = b.v4::<R>("block");
-    kernels::tetrahedra_blocks::tetrahedra_blocks(&b.params(), &rest, &rotation, &free, &mut block);
+    kernels::tetrahedra_blocks::tetrahedra_blocks(&b.params(), &rest, &rotation, &dofs, &mut block);
     vec![("block", flat(&block))]
 }
 

@@ -159,7 +159,7 @@ fn an_island_falls_as_a_free_body() {
         let free = |node: usize| state.u[node][2] > 5e-3;
         let nodes = (0..state.u.len()).filter(|node| free(*node));
         let sum =
-            |p: [f64; 2], node: usize| [p[0] + state.free[node][3], p[1] + state.free[node][3] * state.v[node][2]];
+            |p: [f64; 2], node: usize| [p[0] + state.dofs[node][3], p[1] + state.dofs[node][3] * state.v[node][2]];
         momenta.push(nodes.fold([0.0; 2], sum));
     }
     let last = momenta.len() - 1;

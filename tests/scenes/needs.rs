@@ -116,7 +116,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
             of_elements + around + domains + law + size_of_val(&a.domains[..]) + size_of_val(&a.rest_block[..])
         }
     };
-    let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
+    let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.dofs[..]) + size_of_val(&model.prescribed[..]);
     let rest_springs = size_of_val(&model.rest_springs.nodes[..]) + size_of_val(&model.rest_springs.stiffness[..]);
     let mesh = model.grid.unstructured.as_ref().map_or(0, |of| {
         // triangles, their boxes twice, and which of them each tetrahedron is in
@@ -139,10 +139,10 @@ fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
     let name = scene.file.display();
     let model = Model::new(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
     let sizes = Model::of_sizes(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
-    assert!(sizes.rest.is_empty() && sizes.free.is_empty() && sizes.prescribed.is_empty(), "{name}");
+    assert!(sizes.rest.is_empty() && sizes.dofs.is_empty() && sizes.prescribed.is_empty(), "{name}");
     assert!(sizes.rest_springs.nodes.is_empty() && sizes.paths.nodes.is_empty(), "{name}");
     // nodes, degrees of freedom, springs of both kinds
-    assert_eq!([sizes.own_nodes(), sizes.node_count()], [model.rest.len(), model.free.len()], "{name}");
+    assert_eq!([sizes.own_nodes(), sizes.node_count()], [model.rest.len(), model.dofs.len()], "{name}");
     assert_eq!(
         [sizes.rest_spring_count(), sizes.driven_count()],
         [model.rest_springs.nodes.len(), model.paths.nodes.len()],
@@ -171,7 +171,7 @@ fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
             assert_eq!(Parts::new(params).table().len(), words, "{name}");
             let levels = |model: &Model| -> Vec<(usize, usize)> {
                 let coarse = model.hexahedra().multigrid.iter().flat_map(|m| &m.coarse);
-                coarse.map(|level| (level.params(params).node_count as usize, level.free.len())).collect()
+                coarse.map(|level| (level.params(params).node_count as usize, level.dofs.len())).collect()
             };
             assert!(levels(&model).iter().all(|(stated, there)| stated == there), "{name}: {:?}", levels(&model));
             let stated: Vec<(usize, usize)> = levels(&model).iter().map(|(stated, _)| (*stated, 0)).collect();

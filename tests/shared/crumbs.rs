@@ -38,7 +38,7 @@ pub fn block(reserve: usize) -> Model {
     let scene = parse(BLOCK, Path::new("crumbs.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
     let mut model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     model.hexahedra_mut().extra_columns = reserve;
-    model.free.resize(model.node_count(), [0.0; 4]);
+    model.dofs.resize(model.node_count(), [0.0; 4]);
     model
 }
 

@@ -68,7 +68,7 @@ impl Dense {
         for (i, j, mass) in masses(model, rotation) {
             (0..3).for_each(|n| rows[3 * i + n][3 * j + n] += inertia * mass);
         }
-        let held: Vec<bool> = (0..size).map(|k| model.free[k / 3][k % 3] == 0.0).collect();
+        let held: Vec<bool> = (0..size).map(|k| model.dofs[k / 3][k % 3] == 0.0).collect();
         for i in 0..size {
             for j in 0..size {
                 if held[i] || held[j] {
@@ -107,7 +107,7 @@ impl Dense {
 /// Entries (node, node, kg) of the mass matrix: node masses, or `∫ ρ N_a N_b dV` of the living cells by Gauss points.
 fn masses(model: &Model, rotation: &[V4<f64>]) -> Vec<(usize, usize, f64)> {
     if model.mass != Mass::Consistent {
-        return model.free.iter().enumerate().map(|(i, f)| (i, i, f[3])).collect();
+        return model.dofs.iter().enumerate().map(|(i, f)| (i, i, f[3])).collect();
     }
     let [cx, cy, _] = model.grid.cells;
     let mut out = vec![];
@@ -139,8 +139,8 @@ pub fn small(element: cutis::scene::Element) -> Scene {
 
 /// Holds some axes here and there.
 pub fn hold_some(model: &mut Model) {
-    for (k, free) in model.free.iter_mut().enumerate() {
-        free[k % 3] *= if k % 5 == 0 { 0.0 } else { 1.0 };
+    for (k, dofs) in model.dofs.iter_mut().enumerate() {
+        dofs[k % 3] *= if k % 5 == 0 { 0.0 } else { 1.0 };
     }
 }
 
@@ -156,7 +156,7 @@ pub fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
     let p = model.grid.params::<f64>();
     for cell in (0..rotation.len()).filter(|c| rotation[*c] == [0.0; 4] && model.mass != Uniform) {
         let corner_mass = model.shape[model.grid.layer_of[p.cell_at(cell)[2]] as usize][3];
-        p.corners(cell).into_iter().for_each(|n| left.free[n][3] -= corner_mass);
+        p.corners(cell).into_iter().for_each(|n| left.dofs[n][3] -= corner_mass);
     }
     left
 }
@@ -165,7 +165,7 @@ pub fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
 pub fn multiply(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], w: &mut [V4<f64>]) -> f64 {
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
     let frames = Frames::new(params, rotation, &[]);
-    product(params, &model.modes(), &model.grid.layer_of, &frames, &model.free, z, w, &mut scratch)
+    product(params, &model.modes(), &model.grid.layer_of, &frames, &model.dofs, z, w, &mut scratch)
 }
 
 /// Differences of twin and assembled matrix on a random vector: of `A z`, relative to its largest, and of `z·A z`, relative to itself.
@@ -176,8 +176,8 @@ fn product_error(model: &Model, assembled_from: &Model) -> [f64; 2] {
     let (model, assembled_from) = (&without_dead(model, &rotation), &without_dead(assembled_from, &rotation));
     let mut z = random.field(model.rest.len(), 1e-3);
     // CG only ever gives the product vectors that are zero on held axes
-    for (z, free) in z.iter_mut().zip(&model.free) {
-        (0..3).for_each(|n| z[n] *= free[n]);
+    for (z, dofs) in z.iter_mut().zip(&model.dofs) {
+        (0..3).for_each(|n| z[n] *= dofs[n]);
     }
     let mut w = vec![[0.0; 4]; z.len()];
     let dot = multiply(&model.params(), model, &rotation, &z, &mut w);
@@ -226,7 +226,7 @@ fn cell_by_cell(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<DVec3
         }
     }
     let whole = |(i, f): (usize, &DVec3)| {
-        let ([x, y, z, mass], displacement) = (model.free[i], z[i]);
+        let ([x, y, z, mass], displacement) = (model.dofs[i], z[i]);
         DVec3::new(x, y, z) * (*f + p.inertia * mass * DVec3::new(displacement[0], displacement[1], displacement[2]))
     };
     sum.iter().enumerate().map(whole).collect()

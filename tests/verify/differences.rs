@@ -83,7 +83,7 @@ fn tangent_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
     params.inertia = 0.0;
     let mut w = vec![[0.0; 4]; u.len()];
     if let Some(s) = model.springs() {
-        springs_product(&params, &s.first, &s.half, &tangent, &model.free, &z, &mut w);
+        springs_product(&params, &s.first, &s.half, &tangent, &model.dofs, &z, &mut w);
     } else {
         multiply(&params, model, &rotation, &z, &mut w);
     }

@@ -46,7 +46,7 @@ fn state(element: Element, mass: Mass) -> (Model, Vec<V4<f64>>) {
     for node in 0..model.rest.len() {
         let at = params.node_at(node);
         if (0..8).filter_map(|a| params.cell_below(at, a)).all(|c| rotation[c] == [0.0; 4]) {
-            model.free[node] = [0.0; 4];
+            model.dofs[node] = [0.0; 4];
         }
     }
     (model, rotation)
@@ -55,8 +55,8 @@ fn state(element: Element, mass: Mass) -> (Model, Vec<V4<f64>>) {
 /// A field that is zero on held axes.
 fn field(model: &Model, seed: u64) -> Vec<V4<f64>> {
     let mut z = Random::new(seed).field(model.rest.len(), 1e-3);
-    for (z, free) in z.iter_mut().zip(&model.free) {
-        (0..3).for_each(|n| z[n] *= free[n]);
+    for (z, dofs) in z.iter_mut().zip(&model.dofs) {
+        (0..3).for_each(|n| z[n] *= dofs[n]);
     }
     z
 }
@@ -66,7 +66,7 @@ fn assembled(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[V4<
     let pattern = Pattern::new(params);
     let mut value = vec![f64::NAN; pattern.row.len()];
     let stiffness = model.system_blocks();
-    pattern.assemble(params, &stiffness, &model.grid.layer_of, rotation, &model.free, &mut value);
+    pattern.assemble(params, &stiffness, &model.grid.layer_of, rotation, &model.dofs, &mut value);
     let mut w = vec![[0.0; 4]; z.len()];
     for column in 0..3 * z.len() {
         let (j, n) = (pattern.node[column / 3] as usize, column % 3);
@@ -128,9 +128,9 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
     let gone = [0, 5, model.grid.cell_count() / 2];
     gone.iter().for_each(|cell| rotation[*cell] = [0.0; 4]);
     let mut left = without_dead(&model, &rotation);
-    left.free[0] = [0.0; 4];
-    let free: Vec<(u32, V4<f64>)> = left.free.iter().enumerate().map(|(k, f)| (k as u32, *f)).collect();
-    let removal = Removal { cells: gone.map(|c| c as u32).to_vec(), free, ..Removal::default() };
+    left.dofs[0] = [0.0; 4];
+    let dofs: Vec<(u32, V4<f64>)> = left.dofs.iter().enumerate().map(|(k, f)| (k as u32, *f)).collect();
+    let removal = Removal { cells: gone.map(|c| c as u32).to_vec(), dofs, ..Removal::default() };
     backend.remove(&removal).expect("the CPU works");
     backend.begin().expect("the CPU works");
     let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
@@ -188,14 +188,14 @@ fn one_iteration() {
     for (element, mass) in KINDS {
         let (model, rotation) = state(element, mass);
         let mut direct = Direct::new(&model).expect("the scene asks for it");
-        direct.factor(&rotation, &model.free).expect("inertia makes it positive");
+        direct.factor(&rotation, &model.dofs).expect("inertia makes it positive");
         let left = residual_after(1, &model, &rotation, &direct);
         measured(&format!("residual after one iteration, {element:?} {mass:?}"), left, BOUND);
         assert!(left < BOUND, "{element:?} {mass:?}: {left:e}");
         // counter-test: the factor of another state
         let mut before = rotation.clone();
         before[7] = before[8];
-        direct.factor(&before, &model.free).expect("inertia makes it positive");
+        direct.factor(&before, &model.dofs).expect("inertia makes it positive");
         let stale = residual_after(1, &model, &rotation, &direct);
         assert!(stale > 1e4 * BOUND, "{element:?} {mass:?}: {stale:e}");
     }
@@ -216,12 +216,12 @@ fn no_solution() {
     let mut scene = of(Bbar, Lumped, Preconditioner::Direct);
     scene.time.step = 1e-2;
     let mut free_body = model(&scene);
-    free_body.free.iter_mut().for_each(|f| f[3] = 0.0);
+    free_body.dofs.iter_mut().for_each(|f| f[3] = 0.0);
     for seed in 0..20 {
         let mut random = Random::new(seed);
         let rotation: Vec<_> = (0..free_body.grid.cell_count()).map(|_| random.quaternion()).collect();
         let turned = vec![rotation[0]; rotation.len()];
-        let found = Direct::new(&free_body).expect("direct").factor(&turned, &free_body.free);
+        let found = Direct::new(&free_body).expect("direct").factor(&turned, &free_body.dofs);
         assert!(matches!(found, Err(Error::Body(Refused::NotPositive { .. }))), "seed {seed}: {found:?}");
     }
     // counter-test: held at the bottom, nearly incompressible, in layers of very different stiffness, inertia next to nothing
@@ -229,22 +229,22 @@ fn no_solution() {
     (hard.time.step, hard.solver.preconditioner) = (LONG, Preconditioner::Direct);
     let hard = model(&hard);
     let whole = vec![[0.0, 0.0, 0.0, 1.0]; hard.grid.cell_count()];
-    Direct::new(&hard).expect("direct").factor(&whole, &hard.free).expect("the bottom is held");
+    Direct::new(&hard).expect("direct").factor(&whole, &hard.dofs).expect("the bottom is held");
     // a node that a cut has left alone, but that is not taken out
     let mut alone = model(&scene);
-    alone.free[0][3] = 0.0;
+    alone.dofs[0][3] = 0.0;
     let mut rotation = vec![[0.0, 0.0, 0.0, 1.0]; alone.grid.cell_count()];
     let mut direct = Direct::new(&alone).expect("direct");
-    direct.factor(&rotation, &alone.free).expect("whole");
+    direct.factor(&rotation, &alone.dofs).expect("whole");
     rotation[0] = [0.0; 4];
-    let error = direct.factor(&rotation, &alone.free).expect_err("no stiffness and no mass");
+    let error = direct.factor(&rotation, &alone.dofs).expect_err("no stiffness and no mass");
     assert!(matches!(error, Error::Body(Refused::NotPositive { node: [0, 0, 0], .. })), "{error}");
     assert!(error.to_string().contains("constrain the body") && error.exit_code() == 2, "{error}");
     // positions that are no numbers
     rotation[0] = [f64::NAN; 4];
-    let error = direct.factor(&rotation, &alone.free).expect_err("no number");
+    let error = direct.factor(&rotation, &alone.dofs).expect_err("no number");
     assert!(matches!(error, Error::Body(Refused::NotPositive { .. })), "{error}");
     // mended
     rotation[0] = [0.0, 0.0, 0.0, 1.0];
-    direct.factor(&rotation, &alone.free).expect("whole again");
+    direct.factor(&rotation, &alone.dofs).expect("whole again");
 }

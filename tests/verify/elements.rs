@@ -47,7 +47,7 @@ fn patch(platform: &Platform, mut model: Model, steps: u32) -> f64 {
         if inside(node) {
             start.u[node] = [0.0; 4];
         } else {
-            model.free[node][..3].fill(0.0);
+            model.dofs[node][..3].fill(0.0);
         }
     }
     let exact: Vec<[f64; 3]> = model.rest.iter().map(|x| times(&G, *x)).collect();

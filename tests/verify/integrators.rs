@@ -262,17 +262,17 @@ fn lively(integrator: Integrator) -> (Model, Snapshot) {
     let model = model(&scene);
     let mut start = displaced(&model, |_| [0.0; 3]);
     (start.u, start.v) = (Random::new(3).field(model.rest.len(), 1e-6), Random::new(4).field(model.rest.len(), 1e-3));
-    for (i, free) in model.free.iter().enumerate() {
+    for (i, dofs) in model.dofs.iter().enumerate() {
         for n in 0..3 {
-            start.u[i][n] *= free[n];
-            start.v[i][n] *= free[n];
+            start.u[i][n] *= dofs[n];
+            start.v[i][n] *= dofs[n];
         }
     }
     (model, start)
 }
 
 fn kinetic(model: &Model, state: &Snapshot) -> f64 {
-    state.v.iter().zip(&model.free).map(|(v, free)| 0.5 * free[3] * dot(xyz(*v), xyz(*v))).sum()
+    state.v.iter().zip(&model.dofs).map(|(v, dofs)| 0.5 * dofs[3] * dot(xyz(*v), xyz(*v))).sum()
 }
 
 fn energy(model: &Model, state: &Snapshot) -> f64 {

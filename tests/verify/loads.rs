@@ -421,7 +421,7 @@ fn path(place: &Platform) {
 /// Momentum, kg m/s.
 fn impulse(simulation: &mut Simulation) -> [f64; 3] {
     let state = simulation.snapshots().expect("the device works").remove(0);
-    [0, 1, 2].map(|n| state.v.iter().zip(&state.free).map(|(v, free)| free[3] * v[n]).sum())
+    [0, 1, 2].map(|n| state.v.iter().zip(&state.dofs).map(|(v, dofs)| dofs[3] * v[n]).sum())
 }
 
 fn driven(place: &Platform) {
@@ -434,7 +434,7 @@ fn driven(place: &Platform) {
     let size = 1e3 * SIZE.iter().product::<f64>() * 100.0; // mass times a step's velocity of 0.1 m/s over its 1 ms
     let held_mass: f64 = {
         let model = &simulation.bodies[0].model;
-        model.nodes_in(&Region::Bottom).iter().map(|node| model.free[*node as usize][3]).sum()
+        model.nodes_in(&Region::Bottom).iter().map(|node| model.dofs[*node as usize][3]).sum()
     };
     for step in 0..8 {
         let report = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));

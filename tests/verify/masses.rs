@@ -38,9 +38,9 @@ fn bar_model(mass: Mass) -> Model {
     let skin = &mut scene.skins[0];
     (skin.rayleigh_mass, skin.rayleigh_stiffness, skin.mass) = (0.0, 0.0, mass);
     let mut model = model(&scene);
-    for (free, rest) in model.free.iter_mut().zip(&model.rest) {
+    for (dofs, rest) in model.dofs.iter_mut().zip(&model.rest) {
         if rest[0] < -0.49 * LENGTH {
-            free[0] = 0.0;
+            dofs[0] = 0.0;
         }
     }
     model
@@ -131,9 +131,9 @@ fn sums() {
     for mass in ALL {
         scene.skins[0].mass = mass;
         let model = model(&scene);
-        let sum: f64 = model.free.iter().map(|f| f[3]).sum();
+        let sum: f64 = model.dofs.iter().map(|f| f[3]).sum();
         assert!((sum / exact - 1.0).abs() < 1e-14, "{mass:?}: {sum}, wanted {exact}");
-        let alike = model.free.iter().all(|f| f[3] == model.free[0][3]);
+        let alike = model.dofs.iter().all(|f| f[3] == model.dofs[0][3]);
         assert_eq!(alike, mass == Uniform, "{mass:?}");
     }
 }
@@ -148,12 +148,12 @@ fn cut_masses() {
         let removal = wound.apply(&model, &[Hit { segment: 0, at: 0.25 }]);
         assert_eq!(removal.cells, [0]);
         let total = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
-        let lost = total(&model.free) - total(&wound.free);
+        let lost = total(&model.dofs) - total(&wound.dofs);
         // the corner node of the grid leaves with what it had
-        let corner = model.free[0][3];
+        let corner = model.dofs[0][3];
         let wanted = if mass == Uniform { corner } else { 8.0 * model.shape[0][3] };
         assert!((lost / wanted - 1.0).abs() < 1e-9, "{mass:?}: {lost} kg, wanted {wanted}");
-        assert_eq!(wound.free[0], [0.0; 4], "{mass:?}");
-        assert!(wound.free[1][3] > 0.0);
+        assert_eq!(wound.dofs[0], [0.0; 4], "{mass:?}");
+        assert!(wound.dofs[1][3] > 0.0);
     }
 }

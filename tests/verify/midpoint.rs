@@ -28,7 +28,7 @@ pub const CASES: &[Case] = &[
 ];
 
 fn kinetic(model: &Model, state: &Snapshot) -> f64 {
-    state.v.iter().zip(&model.free).map(|(v, free)| 0.5 * free[3] * dot(xyz(*v), xyz(*v))).sum()
+    state.v.iter().zip(&model.dofs).map(|(v, dofs)| 0.5 * dofs[3] * dot(xyz(*v), xyz(*v))).sum()
 }
 
 fn energy(model: &Model, state: &Snapshot) -> f64 {
@@ -39,7 +39,7 @@ fn energy(model: &Model, state: &Snapshot) -> f64 {
 fn momenta(model: &Model, state: &Snapshot) -> [[f64; 3]; 2] {
     let mut out = [[0.0; 3]; 2];
     for (node, rest) in model.rest.iter().enumerate() {
-        let p = xyz(state.v[node]).map(|v| model.free[node][3] * v);
+        let p = xyz(state.v[node]).map(|v| model.dofs[node][3] * v);
         out[0] = add(out[0], p);
         out[1] = add(out[1], cross(add(*rest, xyz(state.u[node])), p));
     }
@@ -83,7 +83,7 @@ fn drifts(platform: &Platform, integrator: Integrator, step: f64, steps: usize) 
     let mut body = Body::new(platform, model, &first, 10.0 * tolerance(platform));
     let state = body.state();
     let (e, p) = (energy(&body.model, &state), momenta(&body.model, &state));
-    let size = (2.0 * body.model.free.iter().map(|free| free[3]).sum::<f64>() * e).sqrt();
+    let size = (2.0 * body.model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>() * e).sqrt();
     let (mut out, mut moved) = ([0.0f64; 3], 0);
     for _ in 0..steps {
         if body.fallible_step().is_err() {
@@ -192,17 +192,17 @@ fn held_bodies() {
         scene.boundaries = vec![held(region, axes)];
         let model = model(&scene);
         let mut first = start(&model, ANGLE);
-        for (node, free) in model.free.iter().enumerate() {
+        for (node, dofs) in model.dofs.iter().enumerate() {
             (0..3).for_each(|n| {
-                first.u[node][n] *= free[n];
-                first.v[node][n] *= free[n];
+                first.u[node][n] *= dofs[n];
+                first.v[node][n] *= dofs[n];
             });
         }
         let mut body = Body::new(&Platform::Cpu64, model, &first, 1e-10);
         body.model.step.step = 5e-3;
         let state = body.state();
         let (e, p) = (energy(&body.model, &state), momenta(&body.model, &state));
-        let size = (2.0 * body.model.free.iter().map(|free| free[3]).sum::<f64>() * e).sqrt();
+        let size = (2.0 * body.model.dofs.iter().map(|dofs| dofs[3]).sum::<f64>() * e).sqrt();
         for _ in 0..50 {
             body.step();
             let state = body.state();

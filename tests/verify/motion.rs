@@ -78,10 +78,10 @@ fn momentum_of(model: &Model, state: &Snapshot) -> ([f64; 3], [f64; 3]) {
     if model.mass == Consistent {
         let alive = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
         let (shape, layers) = (model.shapes(), &model.grid.layer_of);
-        momentum::momentum(&model.params(), &shape, layers, &[], &alive, &model.free, &state.v, &mut v);
+        momentum::momentum(&model.params(), &shape, layers, &[], &alive, &model.dofs, &state.v, &mut v);
     }
     for node in 0..model.rest.len() {
-        let p = xyz(v[node]).map(|v| v * model.free[node][3]);
+        let p = xyz(v[node]).map(|v| v * model.dofs[node][3]);
         linear = add(linear, p);
         angular = add(angular, cross(model.rest[node], p));
     }
@@ -97,7 +97,7 @@ fn momentum_change(platform: &Platform, model: &Model) -> [f64; 2] {
     }
     let (p, l) = momentum_of(model, &start);
     let (q, m) = momentum_of(model, &body.state());
-    let mass: f64 = model.free.iter().map(|f| f[3]).sum();
+    let mass: f64 = model.dofs.iter().map(|f| f[3]).sum();
     let (speed, arm) = (0.02, largest(&model.rest));
     let change = |a: [f64; 3], b: [f64; 3]| (0..3).map(|n| (a[n] - b[n]).abs()).fold(0.0, f64::max);
     [change(p, q) / (mass * speed), change(l, m) / (mass * speed * arm)]
@@ -140,7 +140,7 @@ fn kept_momentum(platform: &Platform) {
 
 fn held_momentum() {
     let mut model = free_block(LINEAR, 0.001);
-    model.free[0][..3].fill(0.0);
+    model.dofs[0][..3].fill(0.0);
     let [linear, angular] = momentum_change(&Platform::Cpu64, &model);
     assert!(linear > 1e-3 && angular > 1e-3, "{linear:e} {angular:e}");
 }
@@ -152,7 +152,7 @@ fn energy_rise(model: Model, steps: u32) -> f64 {
     let total = |body: &mut Body| {
         let state = body.state();
         let kinetic: f64 =
-            state.v.iter().zip(&body.model.free).map(|(v, free)| 0.5 * free[3] * dot(xyz(*v), xyz(*v))).sum();
+            state.v.iter().zip(&body.model.dofs).map(|(v, dofs)| 0.5 * dofs[3] * dot(xyz(*v), xyz(*v))).sum();
         kinetic + elastic_energy(&body.model, &state, &state.rotation)
     };
     let first = total(&mut body);
@@ -233,7 +233,7 @@ fn spin_left(steps: u32) -> f64 {
         (0..model.rest.len())
             .map(|n| {
                 let x = add(model.rest[n], xyz(state.u[n]));
-                model.free[n][3] * cross(x, xyz(state.v[n]))[2]
+                model.dofs[n][3] * cross(x, xyz(state.v[n]))[2]
             })
             .sum()
     };

@@ -84,18 +84,18 @@ fn slot(model: &Model, rotation: &mut [V4<f64>]) {
 fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) -> (Vec<V4<f64>>, Outcome) {
     let params = model.params::<f64>();
     let layers = &model.grid.layer_of;
-    let mut free = model.free.clone();
-    for (node, free) in free.iter_mut().enumerate() {
+    let mut dofs = model.dofs.clone();
+    for (node, dofs) in dofs.iter_mut().enumerate() {
         let at = params.node_at(node);
         if (0..8).filter_map(|a| params.cell_below(at, a)).all(|c| rotation[c] == [0.0; 4]) {
-            *free = [0.0; 4];
+            *dofs = [0.0; 4];
         }
     }
     let frames = Frames::new(&params, rotation, &[]);
     let finest =
-        Finest { params: &params, free: &free, layer_of: layers, rotation, frames: &frames, split: (&[], &[]) };
+        Finest { params: &params, dofs: &dofs, layer_of: layers, rotation, frames: &frames, split: (&[], &[]) };
     let load = model.load_at(&scene.loads, 0.0);
-    let r = load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
+    let r = load.iter().zip(&dofs).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
     by_multigrid(model, finest, true, r, tolerance)
 }
 
@@ -107,7 +107,7 @@ fn by_multigrid(
     mut r: Vec<V4<f64>>,
     tolerance: f64,
 ) -> (Vec<V4<f64>>, Outcome) {
-    let Finest { params, free, layer_of, rotation, frames, split } = finest;
+    let Finest { params, dofs, layer_of, rotation, frames, split } = finest;
     let modes = model.modes();
     let mut hierarchy = Hierarchy::<f32>::new(model).expect("multigrid");
     hierarchy.cut = forked;
@@ -115,7 +115,7 @@ fn by_multigrid(
     let levels = hierarchy.operators(finest);
     // of grids that can be cut; a wrong bound makes others indefinite
     if !split.0.is_empty() {
-        symmetric(&levels, free);
+        symmetric(&levels, dofs);
     }
     let mut work = workspaces::<f64, f32>(&levels);
     let request = Request {
@@ -123,12 +123,12 @@ fn by_multigrid(
         reference_squared: r.as_flattened().iter().map(|c| c * c).sum(),
         ..Request::default()
     };
-    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; free.len()]);
+    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; dofs.len()]);
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
     let times = |z: &[V4<f64>], w: &mut [V4<f64>]| {
-        let whole = product(params, &modes, layer_of, frames, free, z, w, &mut scratch);
+        let whole = product(params, &modes, layer_of, frames, dofs, z, w, &mut scratch);
         w[params.grid_nodes()..].fill([0.0; 4]);
-        whole + split_product(params, &modes, layer_of, rotation, free, split.0, split.1, z, w)
+        whole + split_product(params, &modes, layer_of, rotation, dofs, split.0, split.1, z, w)
     };
     let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z);
     let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
@@ -137,12 +137,12 @@ fn by_multigrid(
 }
 
 /// One V-cycle in f32 alone is symmetric, and returns the product of what it was given with what it found.
-fn symmetric(levels: &[Operator<f32>], free: &[V4<f64>]) {
+fn symmetric(levels: &[Operator<f32>], dofs: &[V4<f64>]) {
     let mut random = super::setup::Random::new(11);
     let mut work = workspaces::<f32, f32>(levels);
     let mut applied = || {
-        let mut r: Vec<V4<f32>> = random.field(free.len(), 1.0).iter().map(|r| r.map(|c| c as f32)).collect();
-        r.iter_mut().zip(free).for_each(|(r, free)| (0..3).for_each(|n| r[n] *= free[n] as f32));
+        let mut r: Vec<V4<f32>> = random.field(dofs.len(), 1.0).iter().map(|r| r.map(|c| c as f32)).collect();
+        r.iter_mut().zip(dofs).for_each(|(r, dofs)| (0..3).for_each(|n| r[n] *= dofs[n] as f32));
         let mut z = vec![[0.0; 4]; r.len()];
         let gamma = apply(levels, &mut work, &r, &mut z);
         (r, z, f64::from(gamma))
@@ -165,11 +165,11 @@ fn iterations_on_cut(model: &Model, links: &[u32], forked: bool) -> u32 {
     let hits: Vec<Hit<f64>> = links.iter().map(|link| Hit { segment: *link, at: 0.5 }).collect();
     wound.apply(model, &hits);
     assert_eq!((wound.totals.links, wound.totals.refused), (links.len(), 0));
-    let (free, split) = (&wound.free[..], (wound.surface.parts.table(), wound.surface.parts.split_cells()));
+    let (dofs, split) = (&wound.dofs[..], (wound.surface.parts.table(), wound.surface.parts.split_cells()));
     let frames = Frames::new(&params, &rotation, split.0);
-    let finest = Finest { params: &params, free, layer_of: layers, rotation: &rotation, frames: &frames, split };
-    let mut r = super::setup::Random::new(3).field(free.len(), 1.0);
-    r.iter_mut().zip(free).for_each(|(r, free)| *r = [r[0] * free[0], r[1] * free[1], r[2] * free[2], 0.0]);
+    let finest = Finest { params: &params, dofs, layer_of: layers, rotation: &rotation, frames: &frames, split };
+    let mut r = super::setup::Random::new(3).field(dofs.len(), 1.0);
+    r.iter_mut().zip(dofs).for_each(|(r, dofs)| *r = [r[0] * dofs[0], r[1] * dofs[1], r[2] * dofs[2], 0.0]);
     let (_, outcome) = by_multigrid(model, finest, forked, r, 1e-6);
     assert!(outcome.converged, "{outcome:?}");
     outcome.iterations
@@ -179,7 +179,7 @@ fn iterations_on_cut(model: &Model, links: &[u32], forked: bool) -> u32 {
 fn ragged_wound() {
     let mut model = model(&press(16, THIN, 0.45));
     model.hexahedra_mut().extra_columns = 100;
-    model.free.resize(model.node_count(), [0.0; 4]);
+    model.dofs.resize(model.node_count(), [0.0; 4]);
     let params = model.params::<f64>();
     let whole = iterations_on_cut(&model, &[], true);
     for part in [0.2, 0.3] {
@@ -278,7 +278,7 @@ fn bound() {
         let (layers, modes) = (&model.grid.layer_of, model.modes());
         let count = model.rest.len();
         let mut block = vec![[0.0; 4]; 4 * count];
-        blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &[], &mut block);
+        blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.dofs, &[], &mut block);
         factor(&params, &mut block);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let frames = Frames::new(&params, &rotation, &[]);
@@ -288,7 +288,7 @@ fn bound() {
         for _ in 0..300 {
             let size = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
             z.iter_mut().for_each(|z| *z = z.map(|c| c / size));
-            product(&params, &modes, layers, &frames, &model.free, &z, &mut w, &mut scratch);
+            product(&params, &modes, layers, &frames, &model.dofs, &z, &mut w, &mut scratch);
             // z·w over z·Mz needs M; the growth of M⁻¹A z does not
             cutis::kernels::precondition::precondition(&params, &block, &w, &mut z);
             found = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();

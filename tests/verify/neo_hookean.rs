@@ -83,7 +83,7 @@ fn patch() {
         for node in 0..model.rest.len() {
             let at = params.node_at(node);
             if (0..3).any(|n| at[n] == 0 || at[n] + 1 == size[n]) {
-                model.free[node][..3].fill(0.0);
+                model.dofs[node][..3].fill(0.0);
             } else {
                 (0..3).for_each(|n| start.u[node][n] += noise[node][n]);
             }

@@ -98,7 +98,7 @@ fn borne(place: &Platform) {
         }
         // the counter-test: without the weight of the held nodes themselves it is off
         let model = &simulation.bodies[0].model;
-        let own: f64 = model.nodes_in(&Region::Bottom).iter().map(|node| model.free[*node as usize][3]).sum();
+        let own: f64 = model.nodes_in(&Region::Bottom).iter().map(|node| model.dofs[*node as usize][3]).sum();
         assert!(own * 9.81 > 0.05 * size, "{own} kg are held");
     }
 }
@@ -114,7 +114,7 @@ fn all_held(place: &Platform) {
         (0..3).for_each(|n| close("reaction of all", place, report.probes[n], -total[n], total[2].abs()));
         // of the top alone: the whole load, and the weight of its nodes
         let model = &simulation.bodies[0].model;
-        let own: f64 = model.nodes_in(&Region::Top).iter().map(|node| model.free[*node as usize][3]).sum();
+        let own: f64 = model.nodes_in(&Region::Top).iter().map(|node| model.dofs[*node as usize][3]).sum();
         let wanted = -(total[2] + 9.81 * (MASS - own));
         close("reaction of the top", place, report.probes[5], wanted, total[2].abs());
     }
@@ -123,7 +123,7 @@ fn all_held(place: &Platform) {
 /// Momentum, kg m/s.
 fn impulse(simulation: &mut Simulation) -> [f64; 3] {
     let state = simulation.snapshots().expect("the device works").remove(0);
-    let of = |n: usize| state.v.iter().zip(&state.free).map(|(v, free)| free[3] * v[n]).sum();
+    let of = |n: usize| state.v.iter().zip(&state.dofs).map(|(v, dofs)| dofs[3] * v[n]).sum();
     [0, 1, 2].map(of)
 }
 

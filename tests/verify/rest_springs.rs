@@ -54,7 +54,7 @@ fn oscillator(platform: &Platform) {
         (scene.time.step, scene.time.gravity) = (2e-3, [1.0, -2.0, -9.81]);
         (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (5.0, 1e-3);
         let model = model(&scene);
-        let mass = model.free[0][3];
+        let mass = model.dofs[0][3];
         let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| START), tolerance(platform));
         for _ in 0..STEPS {
             body.step();
@@ -258,7 +258,7 @@ fn energy_rise(law: Law, damping: f64, counted: bool) -> f64 {
     let judged = if counted { model } else { Model { rest_springs: RestSprings::default(), ..model } };
     let total = |body: &mut Body| {
         let s = body.state();
-        let kinetic: f64 = s.v.iter().zip(&judged.free).map(|(v, f)| 0.5 * f[3] * dot(xyz(*v), xyz(*v))).sum();
+        let kinetic: f64 = s.v.iter().zip(&judged.dofs).map(|(v, f)| 0.5 * f[3] * dot(xyz(*v), xyz(*v))).sum();
         kinetic + elastic_energy(&judged, &s, &s.rotation)
     };
     let first = total(&mut body);
@@ -323,12 +323,12 @@ fn cut() {
     for (found, k) in after.iter().zip([0.0, wanted, wanted, 0.0]) {
         assert!(near(found, k), "{after:?}, wanted {wanted}");
     }
-    let free = |b: &mut Box<dyn Backend>| b.snapshot().expect("the CPU path has no device to fail").free;
-    assert_eq!(free(&mut with), wound.free, "masses are the body's, not those of its system");
+    let dofs = |b: &mut Box<dyn Backend>| b.snapshot().expect("the CPU path has no device to fail").dofs;
+    assert_eq!(dofs(&mut with), wound.dofs, "masses are the body's, not those of its system");
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");
     let energy = elastic_energy(&model, &state, &state.rotation);
     let springs = 0.5 * STIFFNESS * 1e-10 * (model.rest_springs.nodes.len() - 1) as f64;
     assert!((energy / springs - 1.0).abs() < 1e-9, "{energy:e} J, wanted {springs:e}");
-    assert!(free(&mut with)[1][3] < model.free[1][3]);
+    assert!(dofs(&mut with)[1][3] < model.dofs[1][3]);
 }

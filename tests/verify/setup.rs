@@ -62,8 +62,8 @@ pub fn pulled(platform: &Platform, material: Material, layer: &Layer, axis: usiz
     let mut model = model(&scene);
     let at: Vec<[usize; 3]> = (0..model.rest.len()).map(|node| model.grid.params::<f64>().node_at(node)).collect();
     // free across but for the middle planes, and along but for the ends
-    for (free, at) in model.free.iter_mut().zip(&at) {
-        (0..3).for_each(|n| free[n] = f64::from(u8::from((at[n] == 1) == (n == axis))));
+    for (dofs, at) in model.dofs.iter_mut().zip(&at) {
+        (0..3).for_each(|n| dofs[n] = f64::from(u8::from((at[n] == 1) == (n == axis))));
     }
     // a little at a time, each from the places that it ends at and the width that the last one left
     let mut u = displaced(&model, |_| [0.0; 3]);

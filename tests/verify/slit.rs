@@ -36,7 +36,7 @@ const ACROSS: usize = 32;
 fn body(poisson: f64) -> Model {
     let mut model = model(&press(ACROSS as u32, THIN, poisson));
     model.hexahedra_mut().extra_columns = 2 * (ACROSS + 1) * (ACROSS + 1);
-    model.free.resize(model.node_count(), [0.0; 4]);
+    model.dofs.resize(model.node_count(), [0.0; 4]);
     model
 }
 

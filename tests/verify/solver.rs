@@ -35,7 +35,7 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
     let count = model.rest.len();
     let zeros = || vec![[0.0; 4]; count];
     let mut block = vec![[0.0; 4]; 4 * count];
-    blocks(&params, &stiffness, layers, &rotation, &model.free, &[], &mut block);
+    blocks(&params, &stiffness, layers, &rotation, &model.dofs, &[], &mut block);
     factor(&params, &mut block);
     let (mut x, mut r, mut p, mut s, mut z, mut w) = (zeros(), b.to_vec(), zeros(), zeros(), zeros(), zeros());
     let request = Request {
@@ -61,8 +61,8 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
 
 fn load(model: &Model) -> Vec<V4<f64>> {
     let mut b = Random::new(9).field(model.rest.len(), 1e-3);
-    for (b, free) in b.iter_mut().zip(&model.free) {
-        (0..3).for_each(|n| b[n] *= free[n]);
+    for (b, dofs) in b.iter_mut().zip(&model.dofs) {
+        (0..3).for_each(|n| b[n] *= dofs[n]);
     }
     b
 }
@@ -120,7 +120,7 @@ fn one_column() {
         for node in 0..model.rest.len() {
             let [i, j, _] = p.node_at(node);
             let free = if (i, j) == (1, 1) { 1.0 } else { 0.0 };
-            model.free[node][..3].fill(free);
+            model.dofs[node][..3].fill(free);
         }
         let (_, outcome) = cg(&model, &load(&model), 100, 1.0);
         assert!(outcome.converged, "{outcome:?}");

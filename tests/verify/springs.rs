@@ -35,7 +35,7 @@ fn cell(damping: f64, diagonals: bool) -> Model {
     let mut model = model(&scene);
     for node in 0..8 {
         let top = if node < 4 { 0.0 } else { 1.0 };
-        model.free[node][..3].copy_from_slice(&[0.0, 0.0, top]);
+        model.dofs[node][..3].copy_from_slice(&[0.0, 0.0, top]);
     }
     if let (Some(springs), false) = (model.springs_mut(), diagonals) {
         for (ends, law) in springs.ends.iter().zip(&mut springs.law) {
@@ -54,7 +54,7 @@ const START: f64 = 2e-5;
 fn departure(platform: &Platform, damping: f64, k: f64) -> f64 {
     const STEPS: usize = 50;
     let mut model = cell(damping, false);
-    let mass = model.free[7][3];
+    let mass = model.dofs[7][3];
     let natural = (STIFFNESS / mass).sqrt();
     let h = 0.2 / natural;
     model.step.step = h;
@@ -79,7 +79,7 @@ fn departure(platform: &Platform, damping: f64, k: f64) -> f64 {
 }
 
 fn oscillator(platform: &Platform) {
-    let mass = cell(0.0, false).free[7][3];
+    let mass = cell(0.0, false).dofs[7][3];
     let critical = 2.0 * (STIFFNESS * mass).sqrt();
     for damping in [0.0, 0.3 * critical] {
         let error = departure(platform, damping, STIFFNESS);
@@ -97,7 +97,7 @@ fn wrong_stiffness() {
 
 fn period() {
     let mut model = cell(0.0, false);
-    let mass = model.free[7][3];
+    let mass = model.dofs[7][3];
     let exact = 2.0 * std::f64::consts::PI * (mass / STIFFNESS).sqrt();
     // implicit Euler turns by atan(ωh) a step: the period is long by (ωh)²/3 = 5e-5
     let h = exact / 500.0;

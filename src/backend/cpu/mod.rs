@@ -43,7 +43,7 @@ pub struct CpuBackend<R> {
     ahead: Vec<V4<R>>,  // for damped explicit steps; otherwise empty
     mean_v: Vec<V4<R>>, // for a consistent mass; otherwise empty
     f: Vec<V4<R>>,
-    free: Vec<V4<R>>,   // DOF mask and mass as in A
+    dofs: Vec<V4<R>>,   // DOF mask and mass as in A
     masses: Vec<V4<R>>, // DOF mask and mass without rest-shape springs; empty if there are none
     rest_springs: RestSprings,
     rest_stiffness: Vec<R>,
@@ -112,8 +112,8 @@ impl<R: Real> CpuBackend<R> {
             ahead: zeros(usize::from(model.step.lead_time() > 0.0)),
             mean_v: zeros(usize::from(model.mass == Mass::Consistent)),
             f: zeros(1),
-            free: in_use(&model.in_system()),
-            masses: if rest_springs.nodes.is_empty() { vec![] } else { in_use(&model.free) },
+            dofs: in_use(&model.in_system()),
+            masses: if rest_springs.nodes.is_empty() { vec![] } else { in_use(&model.dofs) },
             rest_stiffness: rest_springs.stiffness.iter().map(|k| R::of(*k)).collect(),
             mass_per_stiffness,
             rest_springs,
@@ -133,7 +133,7 @@ impl<R: Real> CpuBackend<R> {
 
     /// DOF masks and masses without rest-shape springs.
     fn nodal_masses(&self) -> &[V4<R>] {
-        if self.masses.is_empty() { &self.free } else { &self.masses }
+        if self.masses.is_empty() { &self.dofs } else { &self.masses }
     }
 
     /// Segments that swept quads crossed.
@@ -160,7 +160,7 @@ impl<R: Real> CpuBackend<R> {
 
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
-        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.x];
+        let arrays = [&self.u, &self.v, &self.f, &self.dofs, &self.masses, &self.load, &self.x];
         let solver = [&self.r, &self.p, &self.s, &self.z, &self.w, &self.ahead];
         let bytes: usize = arrays.iter().chain(&solver).map(|a| a.capacity()).sum();
         Device {
@@ -184,7 +184,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn prescribe(&mut self, nodes: &[u32], target: &[[f64; 3]]) -> Result<()> {
         let target: Vec<V4<R>> = target.iter().map(|t| V3::of(*t).pad(R::zero())).collect();
-        prescribe::prescribe(nodes, &target, &self.free, &self.u, &mut self.x);
+        prescribe::prescribe(nodes, &target, &self.dofs, &self.u, &mut self.x);
         Ok(())
     }
 
@@ -196,15 +196,15 @@ impl<R: Real> Backend for CpuBackend<R> {
         let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
         self.system.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE].scratch)?;
         self.nonlinear = Nonlinear::default();
-        self.system.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
+        self.system.mean_velocities(&params, &self.dofs, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
-        let masses = if self.masses.is_empty() { &self.free } else { &self.masses };
+        let masses = if self.masses.is_empty() { &self.dofs } else { &self.masses };
         self.load_squared = rhs::rhs(&params, &self.f, v, masses, &self.load, &mut self.r);
         rest_springs::rest_springs(&self.rest_springs.nodes, &self.rest_stiffness, masses, at, &mut self.r);
         if self.explicit {
             return Ok(());
         }
-        self.system.refresh(&params, &self.free);
+        self.system.refresh(&params, &self.dofs);
         Ok(())
     }
 
@@ -214,7 +214,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             self.slot_mut(&mut r, *slot).fill([R::zero(); 4]);
         }
         for (slot, node, value) in entries {
-            let axes = V3::from4(self.free[*node as usize]);
+            let axes = V3::from4(self.dofs[*node as usize]);
             r[slot * self.node_count + *node as usize] = V3::of(*value).times(axes).pad(R::zero());
         }
         self.r = r;
@@ -224,7 +224,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()> {
         for (node, value) in entries {
             let node = *node as usize;
-            let force = V3::of(*value).times(V3::from4(self.free[node]));
+            let force = V3::of(*value).times(V3::from4(self.dofs[node]));
             self.r[node] = (V3::from4(self.r[node]) + force).pad(R::zero());
         }
         Ok(())
@@ -275,7 +275,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
         self.reset_initial_guess(&[CORRECTION])?;
         for (node, dx) in nodes {
-            let axes = V3::from4(self.free[*node as usize]);
+            let axes = V3::from4(self.dofs[*node as usize]);
             self.x[self.node_count + *node as usize] = V3::of(*dx).times(axes).pad(R::zero());
         }
         Ok(())
@@ -284,7 +284,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>> {
         let params = Params { preconditioner: 2, ..self.params };
         let mut out = vec![[R::zero(); 4]; self.node_count * 4];
-        self.system.blocks(&params, &self.free, &mut out);
+        self.system.blocks(&params, &self.dofs, &mut out);
         let read = |n: &u32| {
             let d = blocks::unpack(&out[*n as usize * 4..*n as usize * 4 + 4]).d;
             d.0.map(V3::f64)
@@ -324,10 +324,10 @@ impl<R: Real> Backend for CpuBackend<R> {
         for values in [&mut self.u, &mut self.v, &mut self.x] {
             duplicate::duplicate(self.node_count, &removal.copies, values);
         }
-        for (node, value) in &removal.free {
+        for (node, value) in &removal.dofs {
             let in_system = self.rest_springs.in_system(self.mass_per_stiffness, *node, *value);
             let node = *node as usize;
-            self.free[node] = round(&in_system);
+            self.dofs[node] = round(&in_system);
             if let Some(mass) = self.masses.get_mut(node) {
                 *mass = round(value);
             }
@@ -352,8 +352,8 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
-        let [u, v, free] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
-        Ok(Snapshot { u, v, rotation, split, free, law, shares: vec![] })
+        let [u, v, dofs] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
+        Ok(Snapshot { u, v, rotation, split, dofs, law, shares: vec![] })
     }
 
     fn displacements(&mut self) -> Result<Vec<V4<f64>>> {

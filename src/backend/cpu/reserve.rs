@@ -39,7 +39,7 @@ impl<R: Real> CpuBackend<R> {
         }
         let of_slots = [&mut self.x, &mut self.r, &mut self.p, &mut self.s, &mut self.z, &mut self.w];
         let of_state = [&mut self.u, &mut self.v, &mut self.ahead, &mut self.mean_v, &mut self.f];
-        let of_body = [&mut self.free, &mut self.masses, &mut self.load];
+        let of_body = [&mut self.dofs, &mut self.masses, &mut self.load];
         for values in of_slots.into_iter().chain(of_state).chain(of_body) {
             spread(values, from, to);
         }

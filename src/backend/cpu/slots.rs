@@ -25,11 +25,11 @@ impl<R: Real> CpuBackend<R> {
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
-        self.system.factor(&self.free)?;
-        let (params, free, system) = (&self.params, &self.free, &self.system);
+        self.system.factor(&self.dofs)?;
+        let (params, dofs, system) = (&self.params, &self.dofs, &self.system);
         let (load, floor, max_iterations, driven) = (self.load_squared, self.floor, self.max_iterations, self.driven);
         let interrupt = &*self.interrupt;
-        let precondition = system.preconditioner(params, free);
+        let precondition = system.preconditioner(params, dofs);
         // one conjugate gradient solve per right-hand side, in parallel
         let arrays = (
             self.x.par_chunks_mut(n),
@@ -52,7 +52,7 @@ impl<R: Real> CpuBackend<R> {
                     load,
                     want.target.iterations(max_iterations),
                     interrupt,
-                    |z: &[V4<R>], w: &mut [V4<R>]| system.product(params, free, z, w, scratch),
+                    |z: &[V4<R>], w: &mut [V4<R>]| system.product(params, dofs, z, w, scratch),
                     |r: &[V4<R>], z: &mut [V4<R>]| precondition(levels, r, z),
                 );
                 (want.slot, outcome)
@@ -71,7 +71,7 @@ impl<R: Real> CpuBackend<R> {
         requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> (Vec<Outcome>, Vec<[f64; 3]>) {
-        accelerate(&self.params, &self.free, &self.r, &mut self.x);
+        accelerate(&self.params, &self.dofs, &self.r, &mut self.x);
         debug_assert!(requests.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
         (vec![Outcome::exact(); requests.len()], self.picked(pick))
     }
@@ -110,10 +110,10 @@ impl<R: Real> CpuBackend<R> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
         // fixed nodes have their prescribed increments from the start
-        let prescribed = |(x, free): (&V4<R>, &V4<R>)| {
-            std::array::from_fn(|k| if k < 3 && free[k] == R::zero() { x[k] } else { R::zero() })
+        let prescribed = |(x, dofs): (&V4<R>, &V4<R>)| {
+            std::array::from_fn(|k| if k < 3 && dofs[k] == R::zero() { x[k] } else { R::zero() })
         };
-        let mut dx: Vec<V4<R>> = self.x.iter().zip(&self.free).map(prescribed).collect();
+        let mut dx: Vec<V4<R>> = self.x.iter().zip(&self.dofs).map(prescribed).collect();
         self.advanced.iter().for_each(|node| dx[*node as usize] = self.x[*node as usize]);
         let still = Point { dx, residual: zeros.clone(), work: [0.0; 2] };
         let mut descent =
@@ -176,8 +176,8 @@ impl<R: Real> Descent for LineSearch<'_, R> {
             round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + step_length * e[n].f64()))
         };
         let dx: Vec<V4<R>> = self.current.dx.iter().zip(&self.direction).map(along).collect();
-        let CpuBackend { params, free, u, f, system, space, .. } = &mut *self.body;
-        let start = Start { params, free, u, f, b: &self.b };
+        let CpuBackend { params, dofs, u, f, system, space, .. } = &mut *self.body;
+        let start = Start { params, dofs, u, f, b: &self.b };
         let Some(Trial { potential, residual, work }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
             return Ok(None);
         };

@@ -13,7 +13,7 @@ use crate::math::{V3, V4};
 pub(super) struct Body {
     pub u: Buffer,
     pub v: Buffer,
-    pub free: Buffer,   // DOF mask and mass as in A
+    pub dofs: Buffer,   // DOF mask and mass as in A
     pub masses: Buffer, // DOF mask and nodal mass; the same array without rest-shape springs
     pub load: Buffer,
     pub elements: Option<Buffer>, // rotations of cells, or laws of springs
@@ -160,6 +160,6 @@ impl Bounds {
     }
 }
 
-pub(super) fn axes(free: V4<f64>) -> V3<f32> {
-    V3::of([free[0], free[1], free[2]])
+pub(super) fn axes(dofs: V4<f64>) -> V3<f32> {
+    V3::of([dofs[0], dofs[1], dofs[2]])
 }

@@ -92,9 +92,9 @@ impl GpuBackend {
         let explicit = model.step.explicit();
         let ahead = explicit::Ahead::new(&mut made, model, &main, &u, &v)?;
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
-        let free = made.with("free", n, || rounded(&model.in_system()))?;
+        let dofs = made.with("dofs", n, || rounded(&model.in_system()))?;
         let rest_springs = RestSpringPass::new(&mut made, model)?;
-        let masses = rest_springs.as_ref().map_or(&free, |a| &a.masses).clone();
+        let masses = rest_springs.as_ref().map_or(&dofs, |a| &a.masses).clone();
         let mut kind = model.mechanics().recorded(model, &mut made, &u, &params)?;
         let elements = kind.elements();
         // preconditioner blocks; those of unused nodes keep their initial values
@@ -107,13 +107,13 @@ impl GpuBackend {
         gpu.making("solver");
         let partial_load = made.zeros::<f32>("partial_load", n.div_ceil(GROUP as usize))?;
         // the conjugate gradients, bound to these arrays by name
-        let state = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
+        let state = [&u, &v, &f, &load, &dofs, &block, &partial_load].map(Buffer::clone);
         let arrays = kind.shared().joined(&Arrays::of(&state));
         let solver = Solver::new(&mut made, model, kind.as_mut(), &arrays, params, &main, needs.contact)?;
         let newton = kind.nonlinear(&mut made, &arrays, &solver.x)?.map(|law| Newton::new(law, params, model));
         // Newton's method has the increments of a step in an array of its own
         let increments = newton.as_ref().map_or(&solver.x, Newton::increments);
-        let driven = Driven::new(&mut made, model, &free, &u, increments)?;
+        let driven = Driven::new(&mut made, model, &dofs, &u, increments)?;
         gpu.making("solver");
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
@@ -124,7 +124,7 @@ impl GpuBackend {
         let mean_v = kind.mean_velocities();
         let mean_v = mean_v.as_ref().unwrap_or(&v);
         begin
-            .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, over_nodes(&params)));
+            .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("dofs", &masses)])?, over_nodes(&params)));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
         begin.extend(rest_springs.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
         if !explicit {
@@ -171,9 +171,9 @@ impl GpuBackend {
             pending: None,
             unread: explicit.then_some(0),
             rows_pending: false,
-            axes: model.free.iter().map(|f| axes(*f)).collect(),
+            axes: model.dofs.iter().map(|f| axes(*f)).collect(),
             bytes,
-            body: Body { u, v, free, masses, load, elements },
+            body: Body { u, v, dofs, masses, load, elements },
             rest_springs,
             solver,
             newton,
@@ -212,8 +212,8 @@ impl GpuBackend {
             batch.clear(&self.solver.r, self.offset(*slot), bytes);
         }
         let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
-        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
-        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
+        let masked = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| masked(*n, *v)).collect();
         if let Some(put) = &self.put {
             self.gpu.write(&put.row_params, 0, &[ids.len() as u32, u32::from(add), 0, 0]);
             self.gpu.write(&put.ids, 0, &ids);
@@ -314,8 +314,8 @@ impl Backend for GpuBackend {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
         self.reset_initial_guess(&[CORRECTION])?;
         let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
-        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
-        let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| free(*n, *v)).collect();
+        let masked = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| masked(*n, *v)).collect();
         let x = self.solver.x.clone();
         self.put(&x, &ids, &values)
     }
@@ -378,8 +378,8 @@ impl Backend for GpuBackend {
         let elements = if all.len() > 3 { all.remove(3) } else { vec![] };
         let (rotation, law) = if self.rotates { (elements, vec![]) } else { (vec![], elements) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
-        let [u, v, free] = [0, 1, 2].map(|k| std::mem::take(&mut all[k]));
-        Ok(Snapshot { u, v, rotation, split, free, law, shares: vec![] })
+        let [u, v, dofs] = [0, 1, 2].map(|k| std::mem::take(&mut all[k]));
+        Ok(Snapshot { u, v, rotation, split, dofs, law, shares: vec![] })
     }
 
     fn gpu(&self) -> Option<&Gpu> {

@@ -19,7 +19,7 @@ pub(super) struct Driven {
 
 impl Driven {
     /// `None` for a body without paths; `x` takes the increments.
-    pub fn new(made: &mut Maker, model: &Model, free: &Buffer, u: &Buffer, x: &Buffer) -> Result<Option<Self>> {
+    pub fn new(made: &mut Maker, model: &Model, dofs: &Buffer, u: &Buffer, x: &Buffer) -> Result<Option<Self>> {
         let nodes = model.driven_count();
         if nodes == 0 {
             return Ok(None);
@@ -29,7 +29,7 @@ impl Driven {
         let room = nodes + model.node_count() - model.own_nodes();
         let params = made.uniform("params", 16, &[0u32; 4]);
         let (ids, values) = (made.zeros::<u32>("ids", room)?, made.vec4("values", room)?);
-        let list = [("params", &params), ("ids", &ids), ("values", &values), ("free", free), ("u", u), ("x", x)];
+        let list = [("params", &params), ("ids", &ids), ("values", &values), ("dofs", dofs), ("u", u), ("x", x)];
         let kernel = made.gpu.bind(&SOURCE, &list)?;
         Ok(Some(Self { params, ids, values, kernel, count: 0 }))
     }

@@ -27,8 +27,8 @@ impl RestSpringPass {
         }
         made.gpu.making("rest_springs");
         let RestSprings { nodes, stiffness: each } = &model.rest_springs;
-        let masses: &dyn Fn() -> Vec<V4<f32>> = &|| model.free.iter().map(|f| f.map(|c| c as f32)).collect();
-        let masses = made.with("free", model.node_count(), masses)?;
+        let masses: &dyn Fn() -> Vec<V4<f32>> = &|| model.dofs.iter().map(|f| f.map(|c| c as f32)).collect();
+        let masses = made.with("dofs", model.node_count(), masses)?;
         let ids = made.with("ids", count, || nodes.clone())?;
         let stiffness = made.with("spring_stiffness", count, || each.iter().map(|k| *k as f32).collect())?;
         let params = made.uniform("params", 16, &[count as u32, 0, 0, 0]);
@@ -37,8 +37,8 @@ impl RestSpringPass {
     }
 
     /// DOF masks and masses of nodes as in `A`.
-    pub fn in_system(&self, free: &[(u32, V4<f64>)]) -> Vec<V4<f32>> {
-        free.iter().map(|(node, value)| self.list.in_system(self.rate, *node, *value).map(|c| c as f32)).collect()
+    pub fn in_system(&self, dofs: &[(u32, V4<f64>)]) -> Vec<V4<f32>> {
+        dofs.iter().map(|(node, value)| self.list.in_system(self.rate, *node, *value).map(|c| c as f32)).collect()
     }
 
     /// Dispatch for given displacements and right-hand side.
@@ -47,7 +47,7 @@ impl RestSpringPass {
             ("params", &self.params),
             ("ids", &self.ids),
             ("spring_stiffness", &self.stiffness),
-            ("free", &self.masses),
+            ("dofs", &self.masses),
         ];
         let kernel = gpu.bind(&SOURCE, &[&list[..], &[("u", u), ("b", b)]].concat())?;
         Ok((kernel, self.list.nodes.len()))

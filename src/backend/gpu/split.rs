@@ -81,7 +81,7 @@ impl Split {
 impl GpuBackend {
     /// Implements [`crate::backend::Backend::remove`].
     pub(super) fn take(&mut self, removal: &Removal) -> Result<()> {
-        let Removal { cells, springs, copies, words, free, .. } = removal;
+        let Removal { cells, springs, copies, words, dofs, .. } = removal;
         let batch = self.record();
         self.gpu.submit(batch);
         if let Some(split) = &mut self.split {
@@ -94,19 +94,19 @@ impl GpuBackend {
         if let Some(elements) = self.body.elements.clone() {
             self.put(&elements, gone, &vec![[0f32; 4]; gone.len()])?;
         }
-        let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
-        let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
+        let ids: Vec<u32> = dofs.iter().map(|(n, _)| *n).collect();
+        let values: Vec<V4<f32>> = dofs.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.body.masses.clone();
         self.put(&buffer, &ids, &values)?;
         if let Some(rest_springs) = &self.rest_springs {
-            let (buffer, values) = (self.body.free.clone(), rest_springs.in_system(free));
+            let (buffer, values) = (self.body.dofs.clone(), rest_springs.in_system(dofs));
             self.put(&buffer, &ids, &values)?;
         }
-        for (node, value) in free {
+        for (node, value) in dofs {
             self.axes[*node as usize] = axes(*value);
         }
         // nodes without cells leave the system at their position
-        let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
+        let dead: Vec<u32> = dofs.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
         let zeros = vec![[0f32; 4]; dead.len()];
         let v = self.body.v.clone();
         self.put(&v, &dead, &zeros)?;

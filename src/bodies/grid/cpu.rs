@@ -88,7 +88,7 @@ impl<R: Real> Tangents<R> {
     }
 
     /// `w += P τ K_T z`, P the DOF mask, τ `elastic_at`; returns the increment of `z·w`.
-    fn add_product(&self, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>]) -> R {
+    fn add_product(&self, dofs: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>]) -> R {
         let params = &self.params;
         let one = |(cell, k): (usize, &[[R; 24]; 24])| {
             let corners = params.corners(cell);
@@ -103,7 +103,7 @@ impl<R: Real> Tangents<R> {
             out
         };
         let cells: Vec<[R; 24]> = self.tangent.par_iter().enumerate().with_min_len(PARALLEL / 32).map(one).collect();
-        collect_product(&self.sums, cells.as_flattened(), free, z, w)
+        collect_product(&self.sums, cells.as_flattened(), dofs, z, w)
     }
 }
 
@@ -139,25 +139,25 @@ impl<R: Real> Hexahedra<R> {
     }
 
     /// Arrays of the finest level.
-    fn finest<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Finest<'a, R> {
+    fn finest<'a>(&'a self, params: &'a Params<R>, dofs: &'a [V4<R>]) -> Finest<'a, R> {
         let split = (&self.split[..], &self.split_cells[..]);
-        Finest { params, free, layer_of: &self.layer_of, rotation: &self.rotation, frames: &self.frames, split }
+        Finest { params, dofs, layer_of: &self.layer_of, rotation: &self.rotation, frames: &self.frames, split }
     }
 
     /// `w = A z` with the rotated small-strain matrices; returns `z·w`.
     fn linear_product(
         &self,
         params: &Params<R>,
-        free: &[V4<R>],
+        dofs: &[V4<R>],
         z: &[V4<R>],
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R {
         let Self { modes, layer_of, rotation, frames, split, split_cells, .. } = self;
-        let dot = product(params, modes, layer_of, frames, free, z, w, scratch);
+        let dot = product(params, modes, layer_of, frames, dofs, z, w, scratch);
         match split_cells[..] {
             [] => dot,
-            _ => dot + split_product(params, modes, layer_of, rotation, free, split, split_cells, z, w),
+            _ => dot + split_product(params, modes, layer_of, rotation, dofs, split, split_cells, z, w),
         }
     }
 }
@@ -207,35 +207,35 @@ impl<R: Real> System<R> for Hexahedra<R> {
         Ok(())
     }
 
-    fn mean_velocities(&self, params: &Params<R>, free: &[V4<R>], v: &[V4<R>], mean_v: &mut [V4<R>]) {
+    fn mean_velocities(&self, params: &Params<R>, dofs: &[V4<R>], v: &[V4<R>], mean_v: &mut [V4<R>]) {
         let Self { shape, layer_of, split, rotation, .. } = self;
         mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
-            *mean = momentum::mean_velocity(params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
+            *mean = momentum::mean_velocity(params, shape, layer_of, split, rotation, dofs, v, i).pad(R::zero());
         });
     }
 
-    fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]) {
-        blocks(params, &self.system, &self.layer_of, &self.rotation, free, &self.split, out);
+    fn blocks(&self, params: &Params<R>, dofs: &[V4<R>], out: &mut [V4<R>]) {
+        blocks(params, &self.system, &self.layer_of, &self.rotation, dofs, &self.split, out);
     }
 
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
+    fn refresh(&mut self, params: &Params<R>, dofs: &[V4<R>]) {
         if let Some(direct) = &mut self.direct {
             direct.current = false;
         } else if let Some(mut multigrid) = self.multigrid.take() {
-            multigrid.refresh(self.finest(params, free));
+            multigrid.refresh(self.finest(params, dofs));
             self.multigrid = Some(multigrid);
         } else {
             let mut block = std::mem::take(&mut self.block);
             block.resize(4 * params.node_count as usize, [R::zero(); 4]);
-            self.blocks(params, free, &mut block);
+            self.blocks(params, dofs, &mut block);
             factor(params, &mut block);
             self.block = block;
         }
     }
 
-    fn factor(&mut self, free: &[V4<R>]) -> Result<()> {
+    fn factor(&mut self, dofs: &[V4<R>]) -> Result<()> {
         match &mut self.direct {
-            Some(direct) if !direct.current => direct.factor(&widen(&self.rotation), &widen(free)),
+            Some(direct) if !direct.current => direct.factor(&widen(&self.rotation), &widen(dofs)),
             _ => Ok(()),
         }
     }
@@ -243,24 +243,24 @@ impl<R: Real> System<R> for Hexahedra<R> {
     fn product(
         &self,
         params: &Params<R>,
-        free: &[V4<R>],
+        dofs: &[V4<R>],
         z: &[V4<R>],
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R {
         let Some(tangents) = &self.tangents else {
-            return self.linear_product(params, free, z, w, scratch);
+            return self.linear_product(params, dofs, z, w, scratch);
         };
         let params = Params { stiffness_factor: R::of(tangents.damping + tangents.shift), ..*params };
-        let dot = self.linear_product(&params, free, z, w, scratch);
-        dot + tangents.add_product(free, z, w)
+        let dot = self.linear_product(&params, dofs, z, w, scratch);
+        dot + tangents.add_product(dofs, z, w)
     }
 
-    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R> {
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, dofs: &'a [V4<R>]) -> Preconditioner<'a, R> {
         match (&self.direct, &self.multigrid) {
             (Some(direct), _) => Box::new(|_, r, z| direct.solve(r, z)),
             (None, Some(multigrid)) => {
-                let levels = multigrid.operators(self.finest(params, free));
+                let levels = multigrid.operators(self.finest(params, dofs));
                 Box::new(move |work, r, z| {
                     if work.is_empty() {
                         *work = workspaces::<R, Cycle>(&levels);
@@ -378,13 +378,13 @@ impl<R: Real> System<R> for Hexahedra<R> {
         // inertia and damping: product with the small-strain matrix
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
         let mut residual = vec![[R::zero(); 4]; dx.len()];
-        let linear = self.linear_product(&params, step.free, dx, &mut residual, scratch);
+        let linear = self.linear_product(&params, step.dofs, dx, &mut residual, scratch);
         // potential and its negative gradient on free axes
         let (mut potential, mut work) = (0.5 * linear.f64() + energy / at, 0.0);
         for i in 0..dx.len() {
             for n in 0..3 {
                 let (b, f) = (step.b[i][n].f64(), step.f[i][n].f64());
-                let axis = step.free[i][n].f64();
+                let axis = step.dofs[i][n].f64();
                 let left = (b - residual[i][n].f64() - (forces[i][n] - f)) * axis;
                 potential -= dx[i][n].f64() * (b + f);
                 work += dx[i][n].f64() * (forces[i][n] + left);

@@ -42,7 +42,7 @@ impl Wound {
         for node in nodes {
             let parts = &self.surface.parts;
             let original = parts.original(node as usize);
-            let whole = model.free[original];
+            let whole = model.dofs[original];
             let around = |node: usize| parts.cells_of(node).into_iter().map(|cell| shape(cell)[3]).sum::<f64>();
             let corners = around(node as usize);
             // a uniform mass is divided by the cells' corner masses
@@ -53,8 +53,8 @@ impl Wound {
                     .sum(),
                 Mass::Lumped | Mass::Consistent => whole[3],
             };
-            self.free[node as usize] = [whole[0], whole[1], whole[2], whole[3] * corners / all];
-            removal.free.push((node, self.free[node as usize]));
+            self.dofs[node as usize] = [whole[0], whole[1], whole[2], whole[3] * corners / all];
+            removal.dofs.push((node, self.dofs[node as usize]));
         }
         removal
     }
@@ -115,9 +115,9 @@ impl Wound {
             if self.live[node] == 0 {
                 self.leave(node as u32, removal);
             } else {
-                self.free[node][3] -= if model.mass == Mass::Uniform { 0.0 } else { corner_mass };
-                removal.free.retain(|(n, _)| *n as usize != node);
-                removal.free.push((node as u32, self.free[node]));
+                self.dofs[node][3] -= if model.mass == Mass::Uniform { 0.0 } else { corner_mass };
+                removal.dofs.retain(|(n, _)| *n as usize != node);
+                removal.dofs.push((node as u32, self.dofs[node]));
             }
         }
     }
@@ -170,10 +170,10 @@ impl Wound {
             if model.mass != Mass::Uniform {
                 let around = self.surface.parts.cells_of(node).into_iter().filter(|cell| self.surface.alive[*cell]);
                 let mass = |cell: usize| model.shape[model.grid.layer(cell)][3] * self.surface.share(cell);
-                self.free[node][3] = around.map(mass).sum();
+                self.dofs[node][3] = around.map(mass).sum();
             }
-            removal.free.retain(|(other, _)| *other as usize != node);
-            removal.free.push((node as u32, self.free[node]));
+            removal.dofs.retain(|(other, _)| *other as usize != node);
+            removal.dofs.push((node as u32, self.dofs[node]));
         }
         removal
     }

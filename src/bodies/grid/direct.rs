@@ -89,7 +89,7 @@ impl Pattern {
         stiffness: &[M3<f64>], // [layer × 64] blocks a×8+b, N/m
         layer_of: &[u32],      // [cells_z] layer
         rotation: &[V4<f64>],  // [cell] quaternion; [cell × 3] `y`
-        free: &[V4<f64>],      // [node] DOF mask (1 free, 0 fixed) and mass kg
+        dofs: &[V4<f64>],      // [node] DOF mask (1 free, 0 fixed) and mass kg
         value: &mut [f64],     // [entry] N/m
     ) {
         // slice of the entries of each node's columns
@@ -110,9 +110,9 @@ impl Pattern {
                 for k in self.first[column]..self.first[column + 1] {
                     let (i, m) = (self.node[self.row[k] / 3] as usize, self.row[k] % 3);
                     let b = block[offset(params.node_at(i), at)].0[n].pad(0.0)[m];
-                    let both_free = free[i][m] * free[j][n];
+                    let both_free = dofs[i][m] * dofs[j][n];
                     let [inertia, fixed] =
-                        if self.row[k] == column { [params.inertia * free[j][3], 1.0 - free[j][n]] } else { [0.0; 2] };
+                        if self.row[k] == column { [params.inertia * dofs[j][3], 1.0 - dofs[j][n]] } else { [0.0; 2] };
                     out[k - begin] = (params.stiffness_factor * b + inertia) * both_free + fixed;
                 }
             }
@@ -210,7 +210,7 @@ impl Direct {
     ///
     /// # Errors
     /// [`Refused::NotPositive`] with the first node whose pivot is not above its rounding; [`Refused::DirectMemory`] when there is none for L.
-    pub fn factor(&mut self, rotation: &[V4<f64>], free: &[V4<f64>]) -> Result<()> {
+    pub fn factor(&mut self, rotation: &[V4<f64>], dofs: &[V4<f64>]) -> Result<()> {
         self.current = false;
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;
         let no_memory = |numbers| Refused::DirectMemory { numbers };
@@ -229,7 +229,7 @@ impl Direct {
             }
         };
         // numeric factorisation
-        pattern.assemble(params, stiffness, layer_of, rotation, free, value);
+        pattern.assemble(params, stiffness, layer_of, rotation, dofs, value);
         let count = symbolic.len_val();
         factor.try_reserve_exact(count - factor.len()).map_err(|_| no_memory(count))?;
         factor.resize(count, 0.0);

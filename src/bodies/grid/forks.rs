@@ -87,9 +87,9 @@ impl<R: Real> Forks<R> {
         stiffness: &[M3<R>],
         layer_of: &[u32],
         rotation: &[V4<R>],
-        free: &[V4<R>],
+        dofs: &[V4<R>],
     ) {
-        let one = |fork: &mut Fork<R>| fork.factor(params, stiffness, layer_of, rotation, free);
+        let one = |fork: &mut Fork<R>| fork.factor(params, stiffness, layer_of, rotation, dofs);
         self.all.par_iter_mut().with_min_len(8).for_each(one);
     }
 
@@ -189,7 +189,7 @@ impl<R: Real> Fork<R> {
         stiffness: &[M3<R>],
         layer_of: &[u32],
         rotation: &[V4<R>],
-        free: &[V4<R>],
+        dofs: &[V4<R>],
     ) {
         self.diagonal.fill(M3::zero());
         self.coupling.fill(M3::zero());
@@ -208,11 +208,11 @@ impl<R: Real> Fork<R> {
         }
         // inertia and fixed axes
         for n in 0..self.nodes.len() {
-            let own = free[self.nodes[n] as usize];
+            let own = dofs[self.nodes[n] as usize];
             let block = Block { d: self.diagonal[n], g: M3::zero() };
             self.diagonal[n] = unpack(&finish(params, block, own, V3::zero())).d;
             for coupling in self.couplings(n) {
-                let later = V3::from4(free[self.nodes[self.to[coupling]] as usize]);
+                let later = V3::from4(dofs[self.nodes[self.to[coupling]] as usize]);
                 self.coupling[coupling] =
                     masked(self.coupling[coupling] * params.stiffness_factor, V3::from4(own), later);
             }

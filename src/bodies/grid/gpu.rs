@@ -217,7 +217,7 @@ impl Hexahedra {
         // residual, restriction, coarse correction, prolongation, post-smoothing
         out.extend(products.iter().cloned());
         let threads = next.params.node_count as usize;
-        out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
+        out.push((bind(&restriction::SOURCE, &[("dofs", "coarse_dofs"), ("r", "coarse_r")])?, threads));
         self.cycle(made, number + 1, first_slot, out)?;
         out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, over_nodes(&params)));
         sweep(&later, out);
@@ -293,11 +293,11 @@ fn make_levels(
     for (number, level) in multigrid.coarse.iter().enumerate() {
         let params = level.params(*params);
         let n = params.node_count as usize;
-        let free: &dyn Fn() -> Vec<V4<f32>> = &|| level.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let dofs: &dyn Fn() -> Vec<V4<f32>> = &|| level.dofs.iter().map(|f| f.map(|c| c as f32)).collect();
         let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
         own.push(unread.clone());
         own.extend(layer_of.clone());
-        own.push(made.with("free", n, free)?);
+        own.push(made.with("dofs", n, dofs)?);
         own.push(made.vec4("rotation", params.frames())?);
         own.push(made.vec4("block", n * 4)?);
         for name in ["r", "z", "d", "w"] {

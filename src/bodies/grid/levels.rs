@@ -36,7 +36,7 @@ pub struct Level {
     /// `[layer]` N/m
     pub stiffness: Vec<Matrix>,
     /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass, kg; empty in a model of sizes.
-    pub free: Vec<[f64; 4]>,
+    pub dofs: Vec<[f64; 4]>,
     /// Upper bound of the eigenvalues of `M⁻¹A`.
     pub largest: f64,
 }
@@ -64,18 +64,18 @@ impl Level {
     }
 }
 
-/// Levels below a grid, in order of coarsening; empty if the grid itself is coarse. Without `free` they have none either.
-pub fn levels(grid: &Grid, stiffness: &[Matrix], free: &[[f64; 4]]) -> Vec<Level> {
+/// Levels below a grid, in order of coarsening; empty if the grid itself is coarse. Without `dofs` they have none either.
+pub fn levels(grid: &Grid, stiffness: &[Matrix], dofs: &[[f64; 4]]) -> Vec<Level> {
     let mut out: Vec<Level> = vec![];
     let mut cells = grid.cells;
     while cells[0].max(cells[1]) > COARSEST {
-        let (fine, fine_free): (&[Matrix], &[[f64; 4]]) = match out.last() {
-            Some(level) => (&level.stiffness, &level.free),
-            None => (stiffness, free),
+        let (fine, fine_dofs): (&[Matrix], &[[f64; 4]]) = match out.last() {
+            Some(level) => (&level.stiffness, &level.dofs),
+            None => (stiffness, dofs),
         };
         let stiffness: Vec<Matrix> = fine.iter().map(galerkin).collect();
-        let (free, coarse) = coarse_free(cells, fine_free);
-        out.push(Level { cells: coarse, largest: largest(&stiffness), stiffness, free });
+        let (dofs, coarse) = coarse_dofs(cells, fine_dofs);
+        out.push(Level { cells: coarse, largest: largest(&stiffness), stiffness, dofs });
         cells = coarse;
     }
     out
@@ -107,9 +107,9 @@ fn galerkin(k: &Matrix) -> Matrix {
 
 /// Masses and DOF masks of a coarse level. A mask is that of the fine node at the same position, or of the last fine node where the coarse
 /// cell extends beyond the grid; 1 where that node has no cell and one beside it does.
-fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 3]) {
+fn coarse_dofs(cells: [usize; 3], dofs: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 3]) {
     let coarse = [cells[0].div_ceil(2), cells[1].div_ceil(2), cells[2]];
-    if free.is_empty() {
+    if dofs.is_empty() {
         return (vec![], coarse);
     }
     let (nodes, coarse_nodes) = (cells.map(|c| c + 1), coarse.map(|c| c + 1));
@@ -118,10 +118,10 @@ fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 
     for (i, slot) in out.iter_mut().enumerate() {
         let at = [i % coarse_nodes[0], i / coarse_nodes[0] % coarse_nodes[1], i / (coarse_nodes[0] * coarse_nodes[1])];
         let same = fine_at((2 * at[0]).min(cells[0]), (2 * at[1]).min(cells[1]), at[2]);
-        slot[..3].copy_from_slice(&free[same][..3]);
+        slot[..3].copy_from_slice(&dofs[same][..3]);
     }
-    let used = |fine: usize| free[fine][3] > 0.0;
-    for (i, fine) in free.iter().enumerate() {
+    let used = |fine: usize| dofs[fine][3] > 0.0;
+    for (i, fine) in dofs.iter().enumerate() {
         let at = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
         for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
             let (x, y) = (at[0] / 2 + at[0] % 2 * dx, at[1] / 2 + at[1] % 2 * dy);

@@ -399,8 +399,8 @@ impl Mechanics for Hexahedra {
         // change of hyperelastic forces over a step of Newton's method
         if let Some(law) = newton {
             let change = law.of_shares(&solved.start.shares).change(model, solved, &alive, &f);
-            for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
-                (0..3).for_each(|n| sum[n] += more[n] * free[n]);
+            for ((sum, more), dofs) in w.iter_mut().zip(&change).zip(&solved.start.dofs) {
+                (0..3).for_each(|n| sum[n] += more[n] * dofs[n]);
             }
         }
         [f, w]

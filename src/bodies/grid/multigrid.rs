@@ -75,7 +75,7 @@ pub struct Finest<'a, R> {
     /// Sizes.
     pub params: &'a Params<R>,
     /// `[node]` DOF mask (1 free, 0 fixed) and mass, kg
-    pub free: &'a [V4<R>],
+    pub dofs: &'a [V4<R>],
     /// `[cells_z]` layer
     pub layer_of: &'a [u32],
     /// `[cell]` quaternion
@@ -91,7 +91,7 @@ pub struct Operator<'a, R> {
     /// Sizes.
     pub params: Params<R>,
     /// `[node]` DOF mask (1 free, 0 fixed) and mass, kg
-    pub free: &'a [V4<R>],
+    pub dofs: &'a [V4<R>],
     /// `[node × 4]` factored z-columns
     pub block: &'a [V4<R>],
     /// Smoothing coefficients (keep, gain).
@@ -125,7 +125,7 @@ struct Arrays<R> {
     steps: Vec<[R; 2]>,
     rotation: Vec<V4<R>>,
     frames: Frames<R>,
-    free: Vec<V4<R>>,
+    dofs: Vec<V4<R>>,
     block: Vec<V4<R>>,
 }
 
@@ -143,7 +143,7 @@ impl<S: Real> Hierarchy<S> {
                 steps: rounded(level.largest, 1 + number),
                 rotation: vec![[S::zero(); 4]; params.frames()],
                 frames: Frames::default(),
-                free: level.free.iter().map(|f| f.map(S::of)).collect(),
+                dofs: level.dofs.iter().map(|f| f.map(S::of)).collect(),
                 block: vec![[S::zero(); 4]; params.node_count as usize * 4],
                 params,
             }
@@ -155,7 +155,7 @@ impl<S: Real> Hierarchy<S> {
             steps: rounded(multigrid.largest, 0),
             rotation: vec![],
             frames: Frames::default(),
-            free: vec![],
+            dofs: vec![],
             block: Vec::with_capacity(4 * model.node_count()),
             params: model.params(),
         };
@@ -169,22 +169,22 @@ impl<S: Real> Hierarchy<S> {
         let finest = &mut finest[0];
         finest.params = of.params.rounded();
         // copies in another precision
-        if same::<R, S>(of.free).is_none() {
-            replace(&mut finest.free, of.free);
+        if same::<R, S>(of.dofs).is_none() {
+            replace(&mut finest.dofs, of.dofs);
             replace(&mut finest.rotation, of.rotation);
             finest.frames.update(&finest.params, &finest.rotation, of.split.0);
         }
-        let Arrays { params, stiffness, block, free, rotation, .. } = finest;
-        let (free, rotation) = (same(of.free).unwrap_or(free), same(of.rotation).unwrap_or(rotation));
+        let Arrays { params, stiffness, block, dofs, rotation, .. } = finest;
+        let (dofs, rotation) = (same(of.dofs).unwrap_or(dofs), same(of.rotation).unwrap_or(rotation));
         block.resize(4 * params.node_count as usize, [S::zero(); 4]);
         let (forks, cut) = (&mut self.forks, std::mem::take(&mut self.cut));
         let finest_level = || {
-            blocks(params, stiffness, of.layer_of, rotation, free, of.split.0, block);
+            blocks(params, stiffness, of.layer_of, rotation, dofs, of.split.0, block);
             factor(params, block);
             if cut {
                 *forks = Forks::new(params, of.split.0);
             }
-            forks.factor(params, stiffness, of.layer_of, rotation, free);
+            forks.factor(params, stiffness, of.layer_of, rotation, dofs);
         };
         // they ask for the finest level's rotations alone, not for its columns
         let coarse_levels = || {
@@ -197,7 +197,7 @@ impl<S: Real> Hierarchy<S> {
                     &level.stiffness,
                     of.layer_of,
                     &level.rotation,
-                    &level.free,
+                    &level.dofs,
                     &[],
                     &mut level.block,
                 );
@@ -212,7 +212,7 @@ impl<S: Real> Hierarchy<S> {
     pub fn operators<'a, R: Real>(&'a self, of: Finest<'a, R>) -> Vec<Operator<'a, S>> {
         let mut operators: Vec<Operator<S>> = self.levels.iter().map(|level| level.operator(of.layer_of)).collect();
         let finest = &mut operators[0];
-        finest.free = same(of.free).unwrap_or(finest.free);
+        finest.dofs = same(of.dofs).unwrap_or(finest.dofs);
         finest.rotation = same(of.rotation).unwrap_or(finest.rotation);
         finest.frames = of.frames.same().unwrap_or(finest.frames);
         finest.split = of.split;
@@ -223,7 +223,7 @@ impl<S: Real> Hierarchy<S> {
     /// Size, bytes.
     pub fn bytes(&self) -> usize {
         let of = |level: &Arrays<S>| {
-            let arrays = [&level.rotation, &level.free, &level.block];
+            let arrays = [&level.rotation, &level.dofs, &level.block];
             arrays.iter().map(|a| a.capacity() * size_of::<V4<S>>()).sum::<usize>() + level.frames.bytes()
         };
         self.levels.iter().map(of).sum()
@@ -234,7 +234,7 @@ impl<S: Real> Arrays<S> {
     fn operator<'a>(&'a self, layer_of: &'a [u32]) -> Operator<'a, S> {
         Operator {
             params: self.params,
-            free: &self.free,
+            dofs: &self.dofs,
             block: &self.block,
             steps: &self.steps,
             modes: &self.modes,
@@ -270,11 +270,11 @@ impl<R: Real> Operator<'_, R> {
     fn multiply(&self, z: &[V4<R>], work: &mut LevelWork<R>) {
         let LevelWork { w, scratch, .. } = work;
         let (split, cells) = self.split;
-        product(&self.params, self.modes, self.layer_of, self.frames, self.free, z, w, scratch);
+        product(&self.params, self.modes, self.layer_of, self.frames, self.dofs, z, w, scratch);
         if !cells.is_empty() {
             // duplicates that no cell has reached: the relaxation leaves in `w` what it computed for others
             w[self.params.grid_nodes()..].fill([R::zero(); 4]);
-            split_product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, cells, z, w);
+            split_product(&self.params, self.modes, self.layer_of, self.rotation, self.dofs, split, cells, z, w);
         }
     }
 
@@ -406,9 +406,9 @@ fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4<R>]
     own.multiply(z, here);
     // coarse correction of the residual
     let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut work.r), std::mem::take(&mut work.z));
-    restriction(&own.params, next.free, own.split.0, r, &here.w, &mut coarse_r);
+    restriction(&own.params, next.dofs, own.split.0, r, &here.w, &mut coarse_r);
     cycle(coarser, below, &coarse_r, &mut coarse_z);
-    prolongation(&own.params, own.free, own.split.0, &coarse_z, z);
+    prolongation(&own.params, own.dofs, own.split.0, &coarse_z, z);
     (below[0].r, below[0].z) = (coarse_r, coarse_z);
     own.smooth(false, r, z, here)
 }

@@ -43,14 +43,14 @@ impl Model {
         let upright = Frames::new(&params, &vec![[0.0, 0.0, 0.0, 1.0]; self.grid.cell_count()], &[]);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let root: Vec<f64> =
-            self.free[..count].iter().map(|f| if f[3] > 0.0 { f[3].sqrt().recip() } else { 0.0 }).collect();
+            self.dofs[..count].iter().map(|f| if f[3] > 0.0 { f[3].sqrt().recip() } else { 0.0 }).collect();
         let mut scaled = vec![[0.0; 4]; count];
         let mut force = vec![[0.0; 4]; count];
         let mut apply = |q: &[V4<f64>], w: &mut [V4<f64>]| {
             for i in 0..count {
-                scaled[i] = std::array::from_fn(|n| if n < 3 { q[i][n] * root[i] * self.free[i][n] } else { 0.0 });
+                scaled[i] = std::array::from_fn(|n| if n < 3 { q[i][n] * root[i] * self.dofs[i][n] } else { 0.0 });
             }
-            product(&params, &modes, layers, &upright, &self.free[..count], &scaled, &mut force, &mut scratch);
+            product(&params, &modes, layers, &upright, &self.dofs[..count], &scaled, &mut force, &mut scratch);
             for (node, stiffness) in self.rest_springs.nodes.iter().zip(&self.rest_springs.stiffness) {
                 let i = *node as usize;
                 (0..3).for_each(|n| force[i][n] += stiffness * scaled[i][n]);

@@ -45,20 +45,20 @@ impl<R: Real> System<R> for Springs<R> {
         Ok(())
     }
 
-    fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]) {
-        springs_blocks::springs_blocks(params, &self.first, &self.half, &self.tangent, free, out);
+    fn blocks(&self, params: &Params<R>, dofs: &[V4<R>], out: &mut [V4<R>]) {
+        springs_blocks::springs_blocks(params, &self.first, &self.half, &self.tangent, dofs, out);
     }
 
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
+    fn refresh(&mut self, params: &Params<R>, dofs: &[V4<R>]) {
         let mut block = std::mem::take(&mut self.block);
         block.resize(4 * params.node_count as usize, [R::zero(); 4]);
-        self.blocks(params, free, &mut block);
+        self.blocks(params, dofs, &mut block);
         factor::factor(params, &mut block);
         self.block = block;
     }
 
-    fn product(&self, params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], _: &mut [CellForces<R>]) -> R {
-        springs_product::springs_product(params, &self.first, &self.half, &self.tangent, free, z, w)
+    fn product(&self, params: &Params<R>, dofs: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], _: &mut [CellForces<R>]) -> R {
+        springs_product::springs_product(params, &self.first, &self.half, &self.tangent, dofs, z, w)
     }
 
     fn preconditioner<'a>(&'a self, params: &'a Params<R>, _: &'a [V4<R>]) -> Preconditioner<'a, R> {

@@ -230,8 +230,8 @@ impl Network {
         }
     }
 
-    /// Displacements of a load, from the guess `x`, whose nodes that are not `free` (1 or 0) stay; none if the solve does not end.
-    fn displace(&self, inverse: &[M3<f64>], free: &[f64], load: &[V4<f64>], x: &mut [V4<f64>]) -> Option<()> {
+    /// Displacements of a load, from the guess `x`, whose nodes with a `mask` of 0, not 1, stay; none if the solve does not end.
+    fn displace(&self, inverse: &[M3<f64>], mask: &[f64], load: &[V4<f64>], x: &mut [V4<f64>]) -> Option<()> {
         let dot = |a: &[V4<f64>], b: &[V4<f64>]| -> f64 {
             a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
         };
@@ -240,7 +240,7 @@ impl Network {
         let size = dot(load, load).max(dot(&w, &w));
         let product = |z: &[V4<f64>], w: &mut [V4<f64>]| {
             self.multiply(z, w);
-            w.iter_mut().zip(free).for_each(|(w, free)| *w = w.map(|w| w * free));
+            w.iter_mut().zip(mask).for_each(|(w, mask)| *w = w.map(|w| w * mask));
             dot(z, w)
         };
         let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| {

@@ -153,7 +153,7 @@ impl Auxiliary {
         for cell in (0..present.len()).filter(|cell| present[*cell]) {
             params.corners(cell).into_iter().for_each(|node| used[node] = true);
         }
-        for (i, free) in self.model.free.iter_mut().enumerate() {
+        for (i, dofs) in self.model.dofs.iter_mut().enumerate() {
             let (mut all, mut freed, mut mass) = (0.0, [0.0; 3], 0.0);
             for (node, weight) in self.transfer.around.of(i) {
                 all += weight * weight;
@@ -161,7 +161,7 @@ impl Auxiliary {
                 mass += weight * own[node][3];
             }
             let [x, y, z] = freed.map(|freed| f64::from(u8::from(used[i] && 2.0 * freed > all)));
-            *free = [x, y, z, if used[i] { mass } else { 0.0 }];
+            *dofs = [x, y, z, if used[i] { mass } else { 0.0 }];
         }
         grid::prepare(&mut self.model, Preconditioner::Multigrid);
     }

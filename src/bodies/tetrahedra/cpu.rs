@@ -31,7 +31,7 @@ struct Multigrid<R> {
     transfer: Transfer,
     in_cell: Lists,
     params: Params<R>,
-    free: Vec<V4<R>>,
+    dofs: Vec<V4<R>>,
     hexahedra: Hexahedra<R>,
     weight: Vec<R>,
     weight_around: Vec<R>,
@@ -43,7 +43,7 @@ impl<R: Real> Multigrid<R> {
     fn new(host: &Auxiliary) -> Self {
         let mut out = Self {
             params: host.model.params(),
-            free: host.model.free.iter().map(|f| f.map(R::of)).collect(),
+            dofs: host.model.dofs.iter().map(|f| f.map(R::of)).collect(),
             hexahedra: Hexahedra::new(&host.model),
             weight: vec![],
             weight_around: vec![],
@@ -65,13 +65,13 @@ impl<R: Real> Multigrid<R> {
         let Lists { first, members, .. } = &self.in_cell;
         auxiliary_rotations::auxiliary_rotations(first, members, &self.scale, node_rotation, &mut self.rotation);
         self.hexahedra.turn(&self.params, &self.rotation);
-        self.hexahedra.refresh(&self.params, &self.free);
+        self.hexahedra.refresh(&self.params, &self.dofs);
     }
 
     /// Size in this precision, and of the levels, bytes.
     fn bytes(&self) -> usize {
         let weights = size_of_val(&self.weight[..]) + size_of_val(&self.weight_around[..]);
-        let of_grid = size_of_val(&self.free[..]) + size_of_val(&self.scale[..]) + size_of_val(&self.rotation[..]);
+        let of_grid = size_of_val(&self.dofs[..]) + size_of_val(&self.scale[..]) + size_of_val(&self.rotation[..]);
         weights + of_grid + self.hexahedra.stored_bytes()
     }
 
@@ -80,20 +80,20 @@ impl<R: Real> Multigrid<R> {
         &'a self,
         body: &'a Params<R>,
         block: &'a [V4<R>],
-        free: &'a [V4<R>],
+        dofs: &'a [V4<R>],
     ) -> Preconditioner<'a, R> {
-        let cycle = self.hexahedra.preconditioner(&self.params, &self.free);
+        let cycle = self.hexahedra.preconditioner(&self.params, &self.dofs);
         let added = Params { fresh: 0, keep: R::zero(), gain: R::of(GAIN), ..*body };
         let zeros = |count: usize| vec![[R::zero(); 4]; count];
         let Transfer { weights, around } = &self.transfer;
         Box::new(move |work, r, z| {
-            let (mut own_r, mut own_z) = (zeros(self.free.len()), zeros(self.free.len()));
+            let (mut own_r, mut own_z) = (zeros(self.dofs.len()), zeros(self.dofs.len()));
             let (first, members, weight) = (&around.first, &around.members, &self.weight_around);
-            auxiliary_restriction::auxiliary_restriction(first, members, weight, &self.free, r, &mut own_r);
+            auxiliary_restriction::auxiliary_restriction(first, members, weight, &self.dofs, r, &mut own_r);
             cycle(work, &own_r, &mut own_z);
             let (mut w, mut d) = (zeros(z.len()), zeros(z.len()));
             let (first, members, weight) = (&weights.first, &weights.members, &self.weight);
-            auxiliary_correction::auxiliary_correction(first, members, weight, free, &own_z, z, &mut w);
+            auxiliary_correction::auxiliary_correction(first, members, weight, dofs, &own_z, z, &mut w);
             relax(&added, block, r, &mut w, &mut d, z)
         })
     }
@@ -144,14 +144,14 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         Ok(())
     }
 
-    fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]) {
-        tetrahedra_blocks::tetrahedra_blocks(params, &self.arrays.rest_block, &self.node_rotations, free, out);
+    fn blocks(&self, params: &Params<R>, dofs: &[V4<R>], out: &mut [V4<R>]) {
+        tetrahedra_blocks::tetrahedra_blocks(params, &self.arrays.rest_block, &self.node_rotations, dofs, out);
     }
 
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
+    fn refresh(&mut self, params: &Params<R>, dofs: &[V4<R>]) {
         let mut block = std::mem::take(&mut self.block);
         block.resize(4 * params.node_count as usize, [R::zero(); 4]);
-        self.blocks(params, free, &mut block);
+        self.blocks(params, dofs, &mut block);
         factor::factor(params, &mut block);
         self.block = block;
         if let Some(multigrid) = &mut self.multigrid {
@@ -162,17 +162,17 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     fn product(
         &self,
         params: &Params<R>,
-        free: &[V4<R>],
+        dofs: &[V4<R>],
         z: &[V4<R>],
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R {
-        self.arrays.system_product(params, free, z, &self.rotations, w, numbers(scratch))
+        self.arrays.system_product(params, dofs, z, &self.rotations, w, numbers(scratch))
     }
 
-    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R> {
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, dofs: &'a [V4<R>]) -> Preconditioner<'a, R> {
         match &self.multigrid {
-            Some(multigrid) => multigrid.preconditioner(params, &self.block, free),
+            Some(multigrid) => multigrid.preconditioner(params, &self.block, dofs),
             None => Box::new(move |_, r, z| precondition(params, &self.block, r, z)),
         }
     }

@@ -100,13 +100,13 @@ impl Wound {
             parted.entry(self.surface.original(node as usize)).or_default().push((node, quarters));
         }
         for (original, nodes) in parted {
-            let [x, y, z, _] = model.free[original];
-            let whole: f64 = nodes.iter().map(|(node, _)| self.free[*node as usize][3]).sum();
+            let [x, y, z, _] = model.dofs[original];
+            let whole: f64 = nodes.iter().map(|(node, _)| self.dofs[*node as usize][3]).sum();
             let all: f64 = nodes.iter().map(|(_, quarters)| quarters).sum();
             for (node, quarters) in nodes {
                 let mass = if model.mass == Mass::Uniform { whole * quarters / all } else { quarters };
-                self.free[node as usize] = [x, y, z, mass];
-                removal.free.push((node, self.free[node as usize]));
+                self.dofs[node as usize] = [x, y, z, mass];
+                removal.dofs.push((node, self.dofs[node as usize]));
             }
         }
     }
@@ -139,9 +139,9 @@ impl Wound {
                 continue;
             }
             if model.mass != Mass::Uniform {
-                self.free[node as usize][3] = around.into_iter().map(|e| own.quarter(model, self, e)).sum();
+                self.dofs[node as usize][3] = around.into_iter().map(|e| own.quarter(model, self, e)).sum();
             }
-            removal.free.push((node, self.free[node as usize]));
+            removal.dofs.push((node, self.dofs[node as usize]));
         }
     }
 

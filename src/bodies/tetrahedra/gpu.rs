@@ -63,7 +63,7 @@ impl Multigrid {
         let (n, cells, slots) = (params.node_count as usize, params.cell_count as usize, slot_count as usize);
         let sums = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
         let own = [
-            made.with("free", n, || rounded(&host.model.free))?,
+            made.with("dofs", n, || rounded(&host.model.dofs))?,
             made.vec4("block", n * 4)?,
             made.vec4("r", n * slots)?,
             made.vec4("z", n * slots)?,
@@ -145,7 +145,7 @@ impl Multigrid {
         let params = Params { first_slot: body.first_slot, ..self.params };
         // restriction, V-cycle, correction, and the node blocks' share
         let down = made.params(&params);
-        let names = [("free", "auxiliary_free"), ("r", "auxiliary_r"), ("z", "auxiliary_z")];
+        let names = [("dofs", "auxiliary_dofs"), ("r", "auxiliary_r"), ("z", "auxiliary_z")];
         let both = self.named(&names);
         let restrict = both.bind(gpu, &auxiliary_restriction::SOURCE, &[("params", &down)])?;
         let mut list = vec![(restrict, params.node_count as usize)];

@@ -304,8 +304,8 @@ impl Mechanics for Tetrahedra {
             let end: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();
             let mut after = f.clone();
             arrays.forces(&end, &rotations, &mut after, scratch);
-            for (((sum, after), before), free) in w.iter_mut().zip(&after).zip(&f).zip(&solved.start.free) {
-                (0..3).for_each(|n| sum[n] += (after[n] - before[n]) * free[n]);
+            for (((sum, after), before), dofs) in w.iter_mut().zip(&after).zip(&f).zip(&solved.start.dofs) {
+                (0..3).for_each(|n| sum[n] += (after[n] - before[n]) * dofs[n]);
             }
         }
         [f, w]

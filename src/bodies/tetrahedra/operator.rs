@@ -568,17 +568,17 @@ impl<R: Real> Arrays<R> {
         tetrahedra_forces::tetrahedra_forces(&self.first_of_node, &self.of_node, forces, w);
     }
 
-    /// `w = A z`, `[node]` N; `free` has the DOF masks and masses, `scratch` as of [`Self::scratch`]. Returns `z·w`.
+    /// `w = A z`, `[node]` N; `dofs` has the DOF masks and masses, `scratch` as of [`Self::scratch`]. Returns `z·w`.
     pub fn system_product(
         &self,
         params: &Params<R>,
-        free: &[V4<R>],
+        dofs: &[V4<R>],
         z: &[V4<R>],
         rotations: &Rotations<R>,
         w: &mut [V4<R>],
         scratch: &mut [R],
     ) -> R {
         let forces = self.corner_forces(0, z, rotations, scratch);
-        tetrahedra_product::tetrahedra_product(params, &self.first_of_node, &self.of_node, forces, free, z, w)
+        tetrahedra_product::tetrahedra_product(params, &self.first_of_node, &self.of_node, forces, dofs, z, w)
     }
 }

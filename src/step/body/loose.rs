@@ -72,7 +72,7 @@ impl Body {
         }
         let mut entries = vec![];
         for (piece, force) in self.wound.loose.iter().zip(forces) {
-            let mass: f64 = piece.nodes.iter().map(|node| self.wound.free[*node as usize][3]).sum();
+            let mass: f64 = piece.nodes.iter().map(|node| self.wound.dofs[*node as usize][3]).sum();
             let by = ((gravity + force / mass) * step.step * step.step).to_array();
             entries.extend(piece.nodes.iter().map(|node| (*node, by)));
         }
