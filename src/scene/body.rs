@@ -215,6 +215,7 @@ fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Res
 }
 
 fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
+    // constants of springs, and whose law they belong to
     let number = |key, value: &Option<At<f64>>, unit, bound| match value {
         Some(value) => scene.number(key, value, unit, bound).map(Some),
         None => Ok(None),
@@ -224,6 +225,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let element = |default: &str, known: &[(&str, Element)]| {
         scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
     };
+    // springs
     let network = || {
         let damping =
             scene.required("spring_damping_n_s_m", damping, table.clone(), "law = \"springs\" asks for it")?;

@@ -59,6 +59,7 @@ impl Scene {
     /// is led backward. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
+        // duration
         let (steps, time) = (self.time.duration / self.time.step, &self.time);
         if (steps - steps.round()).abs() > WHOLE {
             let (count, step) = (time.steps(), 1e3 * time.step);
@@ -68,6 +69,7 @@ impl Scene {
                 (f64::from(count) * time.step * 1e6).round() / 1e6
             ));
         }
+        // units of meshes
         for skin in self.skins.iter().filter(|skin| skin.mesh.is_some() || skin.embedded.is_some()) {
             let across = skin.size[0].max(skin.size[1]).max(skin.thickness());
             if !SIZES.contains(&across) {
@@ -78,10 +80,12 @@ impl Scene {
                 ));
             }
         }
+        // late loads
         for load in self.loads.iter().filter(|load| load.start >= time.duration) {
             let (start, end) = (load.start, time.duration);
             out.push(format!("a load starts at {start} s, when the run of {end} s is over"));
         }
+        // blades led backward
         for tool in self.tools.iter().filter(|tool| tool.led_backward(&self.skins)) {
             out.push(format!(
                 "`{}` is led backward: its edge faces normal × (heel − tip), against most of its way; write its normal with the other sign, \
@@ -89,6 +93,7 @@ impl Scene {
                 tool.name
             ));
         }
+        // bodies that nothing holds or supports
         let kept = self.kept();
         for (number, id) in self.movable().into_iter().enumerate() {
             if kept[number] || !self.pushed(id) {
@@ -105,6 +110,7 @@ impl Scene {
                  [[attach]], put a [[plane]] under it, or leave out gravity and loads"
             ));
         }
+        // nearly incompressible tetrahedra
         let nearly_incompressible = |skin: &&Skin| {
             skin.law.is_tetrahedral() && skin.layers.iter().any(|layer| layer.poisson > MOST_OF_TETRAHEDRA)
         };

@@ -139,6 +139,7 @@ impl Simulation {
                     let u = |node: &u32| self.bodies[*body].known.moved(*node as usize)[0].f64()[*axis];
                     probe.nodes.iter().zip(&probe.weights).map(|(node, weight)| weight * u(node)).sum()
                 }
+                // probes of one region along several axes share its reaction
                 ProbeKind::Reaction { body, region, axis } => {
                     let known = borne.iter().find(|(of, at, _)| of == body && *at == region).map(|known| known.2);
                     let force = known.unwrap_or_else(|| {

@@ -6,7 +6,7 @@
 
 use cutis::math::random::Random;
 use cutis::report::run::{Options, run};
-use cutis::scene::{Pose, Scene, read};
+use cutis::scene::{Pose, ProbeKind, Scene, read};
 use cutis::step::Platform;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -91,7 +91,12 @@ pub fn varied(shipped: &Scene, grids: &[u32], seed: u64) -> (Scene, Variation) {
         layer.toughness *= factor();
         layer.thickness *= factor();
     }
-    let raised = top(&scene) - before;
+    let (raised, after) = (top(&scene) - before, top(&scene));
+    for probe in &mut scene.probes {
+        if let ProbeKind::Displacement { point, .. } = &mut probe.kind {
+            point[2] = (point[2] * after / before).min(after);
+        }
+    }
     scene.contact.as_mut().expect("it has a tool").friction *= factor();
     for number in 0..scene.tools.len() {
         let points = touching(&scene, number);

@@ -872,7 +872,7 @@ fn a_blade_of_too_many_pieces_has_its_line() {
     let wanted = line("edge_spacing_mm").or(line("[tool.blade]")).expect("the scene has a blade");
     let scene = read(&path).expect("the scene is valid");
     let error = Error::from(cutis::bodies::Refused::SweptQuads { count: 300, most: 256 }).of_scene(&scene).to_string();
-    assert!(error.contains(&format!("incision.toml:{wanted}: the blade's pieces: 300 wanted")), "{error}");
+    assert!(error.contains(&format!("incision.toml:{wanted}: the blade sweeps 300 quads")), "{error}");
     // the counter-test: a body without one key to mend has the file alone
     let error = Error::from(cutis::bodies::Refused::RestSpringMass).of_scene(&scene).to_string();
     assert!(error.contains("incision.toml: rest-shape"), "{error}");
