@@ -1,4 +1,5 @@
 #![doc = include_str!("keys.md")]
+#![doc = include_str!("topics.md")]
 
 /// Key of a scene file, as listed on the page above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

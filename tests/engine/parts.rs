@@ -1,5 +1,6 @@
 //! Nodes that a cut splits: whose cells they are, what they weigh, and that products and blocks are those of the cells.
 
+use crate::crumbs::random;
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
 use cutis::bodies::grid::forks::Forks;
@@ -11,7 +12,6 @@ use cutis::kernels::linearised::Rows;
 use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
-use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use cutis::scene::{Files, Mass, parse};
 use proptest::prelude::*;
@@ -146,12 +146,6 @@ fn mass_is_kept(model: &Model, wound: &Wound) -> Result<(), TestCaseError> {
         prop_assert!((sum / before[3] - 1.0).abs() < ROUNDING, "{} of {}", sum, before[3]);
     }
     Ok(())
-}
-
-/// Numbers in −1…1, the same on every machine.
-fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut random = Random::new(seed);
-    move || random.signed()
 }
 
 fn turned(model: &Model, seed: u64) -> Vec<V4<f64>> {
