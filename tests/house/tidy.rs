@@ -307,7 +307,8 @@ fn kinds_of_bodies_are_told_apart_in_bodies_alone() {
 fn a_material_law_is_named_in_few_files() {
     let files = tracked();
     let naming = |law: &str| {
-        let names = |f: &&String| code_of(&read(f)).to_lowercase().contains(law);
+        // prose aside
+        let names = |f: &&String| !f.ends_with("topics.md") && code_of(&read(f)).to_lowercase().contains(law);
         in_folder(&files, &["src/", "kernels/"]).filter(names).cloned().collect::<Vec<_>>()
     };
     let found = naming("mooney_rivlin");
