@@ -391,7 +391,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
             changed(&bare(), |s| s.rest_springs.push(rest_spring)),
             bare(),
             &[
-                "1 array rest_springs: free",
+                "1 array rest_springs: dofs",
                 "1 array rest_springs: ids",
                 "1 array rest_springs: params",
                 "1 array rest_springs: spring_stiffness",
@@ -406,7 +406,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
             &[
                 "2 array multigrid: block",
                 "3 array multigrid: d",
-                "2 array multigrid: free",
+                "2 array multigrid: dofs",
                 "2 array multigrid: modes",
                 "17 array multigrid: params",
                 "1 array multigrid: partial_gamma",
