@@ -2,9 +2,9 @@
 
 mod tool;
 
+use super::devices::RATES;
 use super::invalid::{Invalid, Result};
 use super::outputs::LARGEST_PICTURE;
-use super::tools::MOST_TICKS;
 use super::*;
 use crate::error;
 use std::fmt::Display;
@@ -361,12 +361,8 @@ impl Scene {
             self.check_probe(&several("probes", k), &probe.kind)?;
         }
         scene.of("haptic").positive("rate", &[self.haptic.rate])?;
-        let (ticks, held) = (self.time.step * self.haptic.rate, self.tools.iter().any(|tool| tool.free.is_none()));
-        scene.of("haptic.rate").that(
-            !held || ticks <= MOST_TICKS,
-            format!("{ticks:.0} ticks a step"),
-            "at most 100000 ticks a step",
-        )?;
+        let [_, most] = RATES;
+        scene.of("haptic.rate").that(self.haptic.rate <= most, self.haptic.rate, "at most 4000 Hz")?;
         // the view, and what the study refers to
         let view = scene.of("view");
         view.at_least_one("size", &self.view.size)?;

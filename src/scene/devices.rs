@@ -119,7 +119,7 @@ impl Default for Device {
 }
 
 /// Allowed ticks per second: below, a stiff contact oscillates in any hand; above, a tick has no time left for contacts.
-const RATES: [f64; 2] = [100.0, 4000.0];
+pub(super) const RATES: [f64; 2] = [100.0, 4000.0];
 
 /// Default workspace radius, mm: larger than that of any device, so that only faulty readings exceed it.
 const WORKSPACE: f64 = 10_000.0;

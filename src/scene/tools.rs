@@ -267,7 +267,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Most ticks of a step: 100 s at 1 kHz. Each is a row of `haptic.csv`, of some 100 bytes.
-pub(super) const MOST_TICKS: f64 = 1e5;
+const MOST_TICKS: f64 = 1e5;
 
 /// Refuses steps with too many ticks.
 pub(super) fn ticks(scene: &SceneText, step_ms: Range<usize>, step: f64, rate: f64, tools: &[Tool]) -> Result<()> {

@@ -221,7 +221,7 @@ fn steps_that_nobody_waits_for_are_refused() -> Outcome {
         let long = ALONE.replace("step_ms = 5.0", &format!("step_ms = {step_ms}"));
         let long = long.replace("= 0.025", &format!("= {duration_s}"));
         let work = Work::with(&long)?;
-        let words = ["scene.toml:4: ", "by the wall clock; at most 60 s are waited for", "leave out --realtime"];
+        let words = ["scene.toml:4: ", "the longest step by the wall clock is 60 s", "leave out --realtime"];
         says(&work, &["run", "scene.toml", "--realtime", "--steps", "1", "--backend", "cpu"], 2, &words)?;
     }
     // a hand has no more ticks in a step than can be written
@@ -313,7 +313,7 @@ fn errors_after_reading_name_their_line() -> Outcome {
     let one = one_layer();
     let many: String = (0..22).map(|k| one.replace("dermis", &format!("layer {k}"))).collect();
     let work = Work::with(&ALONE.replace(one, &many))?;
-    says(&work, &run, 2, &["scene.toml: the layers' element matrices: 22 wanted"])?;
+    says(&work, &run, 2, &["scene.toml: 22 layers; at most 21 fit"])?;
     // two recordings of one name
     let row = "mesh = \"tip.obj\"\ntrajectory = \"hand.csv\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\n";
     let tools = ["a b", "a_b"].map(|name| format!("[[tool]]\nname = \"{name}\"\n{row}")).concat();

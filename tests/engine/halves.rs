@@ -21,7 +21,6 @@ fn scene(body: &str) -> Scene {
     );
     let files = Files::Folder(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes"));
     let mut scene = parse(&text, Path::new("scenes/wound.toml"), &files).unwrap_or_else(|e| panic!("{e}"));
-    scene.haptic.rate = 1.0; // nobody holds it, and steps may be long
     scene.tools[0].trajectory = vec![Pose { time: 0.0, position: [0.0, 0.0, 1.0], rotation: [0.0, 0.0, 0.0, 1.0] }];
     scene
 }

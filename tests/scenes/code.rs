@@ -140,7 +140,7 @@ fn what_cannot_run_is_refused_with_words() {
         ),
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
-        (&|s| s.haptic.rate = 1e12, "haptic.rate is 5000000000 ticks a step"),
+        (&|s| s.haptic.rate = 1e12, "haptic.rate is 1000000000000"),
         (&|s| s.time.duration = 1e12, "time.duration, step is"),
         (&|s| s.view.size = [960, 9000], "view.size is 9000"),
         (&|s| s.view.eye = s.view.target, "view.eye is the target"),
