@@ -1,5 +1,6 @@
 //! Scenes in code: default values, and the check that every scene passes before it runs.
 
+mod skin;
 mod tool;
 
 use super::devices::RATES;
@@ -202,6 +203,11 @@ impl Part<'_> {
         Part { scene: self.scene, path: format!("{}{dot}{name}", self.path) }
     }
 
+    /// Part of a list.
+    fn at(&self, name: &str, number: usize) -> Part<'_> {
+        self.of(format!("{name}[{number}]"))
+    }
+
     fn refuse(&self, found: impl Display, wanted: &'static str) -> Invalid {
         let Scene { file, title, .. } = self.scene;
         let (file, title) = (file.clone(), title.clone());
@@ -258,7 +264,19 @@ impl Scene {
 
     pub(super) fn parts(&self) -> Result<()> {
         let scene = Part { scene: self, path: String::new() };
-        // time and solver
+        self.check_solution(&scene)?;
+        for (k, skin) in self.skins.iter().enumerate() {
+            skin::check(&scene.at("skins", k), skin)?;
+        }
+        self.check_held(&scene)?;
+        self.check_driven(&scene)?;
+        self.check_touching(&scene)?;
+        self.check_outputs(&scene)?;
+        self.check_together(&scene)
+    }
+
+    /// Checks time and solver.
+    fn check_solution(&self, scene: &Part) -> Result<()> {
         let time = scene.of("time");
         time.positive("step", &[self.time.step])?;
         time.positive("duration", &[self.time.duration])?;
@@ -274,15 +292,14 @@ impl Scene {
         solver.fraction("tolerance", self.solver.tolerance)?;
         solver.not_negative("floor", &[self.solver.floor])?;
         solver.at_least_one("max_iterations", &[self.solver.max_iterations])?;
-        solver.at_least_one("true_residual_every", &[self.solver.true_residual_every])?;
-        // bodies with their boundary conditions, rest-shape springs and loads
-        let several = |name: &str, k: usize| scene.of(format!("{name}[{k}]"));
-        for (k, skin) in self.skins.iter().enumerate() {
-            self.check_skin(&several("skins", k), skin)?;
-        }
+        solver.at_least_one("true_residual_every", &[self.solver.true_residual_every])
+    }
+
+    /// Checks boundaries and rest-shape springs.
+    fn check_held(&self, scene: &Part) -> Result<()> {
         let skins = self.skins.len();
         for (k, boundary) in self.boundaries.iter().enumerate() {
-            let part = several("boundaries", k);
+            let part = scene.at("boundaries", k);
             part.index("body", boundary.body, skins)?;
             part.finite("displacement", &boundary.displacement)?;
             part.finite("rotation", &[boundary.rotation])?;
@@ -296,16 +313,21 @@ impl Scene {
             self.check_region(&part, boundary.body, &boundary.region)?;
         }
         for (k, spring) in self.rest_springs.iter().enumerate() {
-            several("rest_springs", k).index("body", spring.body, skins)?;
-            several("rest_springs", k).positive("stiffness", &[spring.stiffness])?;
-            self.check_region(&several("rest_springs", k), spring.body, &spring.region)?;
+            let part = scene.at("rest_springs", k);
+            part.index("body", spring.body, skins)?;
+            part.positive("stiffness", &[spring.stiffness])?;
+            self.check_region(&part, spring.body, &spring.region)?;
             let lumped = self.skins[spring.body].mass != Mass::Consistent;
-            let part = several("rest_springs", k);
             part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
         }
-        // inclusions and loads
+        Ok(())
+    }
+
+    /// Checks inclusions and loads.
+    fn check_driven(&self, scene: &Part) -> Result<()> {
+        let skins = self.skins.len();
         for (k, inclusion) in self.inclusions.iter().enumerate() {
-            let part = several("inclusions", k);
+            let part = scene.at("inclusions", k);
             part.index("body", inclusion.body, skins)?;
             part.positive("young", &[inclusion.young])?;
             self.check_region(&part, inclusion.body, &inclusion.region)?;
@@ -317,7 +339,7 @@ impl Scene {
             scene.of("time").of("integrator").that(implicit, "symplectic Euler", "an implicit one, for inclusions")?;
         }
         for (k, load) in self.loads.iter().enumerate() {
-            let part = several("loads", k);
+            let part = scene.at("loads", k);
             part.index("body", load.body, skins)?;
             part.of("start, end").that(load.start < load.end, "in the wrong order", "rising")?;
             self.check_region(&part, load.body, &load.region)?;
@@ -331,19 +353,23 @@ impl Scene {
                 part.of("kind.at").that(inside, format!("{at:?}"), "a point of the body at rest")?;
             }
         }
-        // rigid bodies, walls, attachments
+        Ok(())
+    }
+
+    /// Checks rigid bodies, walls and attachments.
+    fn check_touching(&self, scene: &Part) -> Result<()> {
         for (k, tool) in self.tools.iter().enumerate() {
-            tool::check(&several("tools", k), tool)?;
+            tool::check(&scene.at("tools", k), tool)?;
         }
         let held_first = self.tools.windows(2).all(|pair| pair[0].free.is_none() || pair[1].free.is_some());
         scene.of("tools").that(held_first, "a held tool after a free one", "those that hands hold first")?;
         for (k, plane) in self.planes.iter().enumerate() {
-            several("planes", k).finite("through", &plane.through)?;
-            several("planes", k).unit("normal", &plane.normal)?;
+            scene.at("planes", k).finite("through", &plane.through)?;
+            scene.at("planes", k).unit("normal", &plane.normal)?;
         }
         for (k, attachment) in self.attachments.iter().enumerate() {
-            let part = several("attachments", k);
-            part.index("body", attachment.body, skins)?;
+            let part = scene.at("attachments", k);
+            part.index("body", attachment.body, self.skins.len())?;
             self.check_body(&part.of("to"), attachment.to)?;
             self.check_region(&part, attachment.body, &attachment.region)?;
             part.of("to").that(
@@ -356,14 +382,17 @@ impl Scene {
                 part.of("slide").not_negative("friction, resistance", &[slide.friction, slide.resistance])?;
             }
         }
-        // outputs
+        Ok(())
+    }
+
+    /// Checks probes, the haptic loop, the view, and what the study refers to.
+    fn check_outputs(&self, scene: &Part) -> Result<()> {
         for (k, probe) in self.probes.iter().enumerate() {
-            self.check_probe(&several("probes", k), &probe.kind)?;
+            self.check_probe(&scene.at("probes", k), &probe.kind)?;
         }
         scene.of("haptic").positive("rate", &[self.haptic.rate])?;
         let [_, most] = RATES;
         scene.of("haptic.rate").that(self.haptic.rate <= most, self.haptic.rate, "at most 4000 Hz")?;
-        // the view, and what the study refers to
         let view = scene.of("view");
         view.at_least_one("size", &self.view.size)?;
         let most = self.view.size[0].max(self.view.size[1]);
@@ -374,59 +403,7 @@ impl Scene {
         view.of("field_of_view").that(angle > 0.0 && angle < 180.0, angle, "degrees between 0 and 180")?;
         let odd = |k: &usize| *k >= self.probes.len();
         let named = self.study.probes.iter().chain(self.study.known.iter().map(|(k, _)| k)).copied().find(odd);
-        named.map_or(Ok(()), |k| scene.of("study").index("probes", k, self.probes.len()))?;
-        self.check_together(&scene)
-    }
-
-    fn check_skin(&self, part: &Part, skin: &Skin) -> Result<()> {
-        part.finite("position, velocity, displacement", &[skin.position, skin.velocity, skin.displacement].concat())?;
-        part.positive("size", &skin.size)?;
-        part.of("layers").that(!skin.layers.is_empty(), "none", "at least one layer")?;
-        part.not_negative("rayleigh_mass, rayleigh_stiffness", &[skin.rayleigh_mass, skin.rayleigh_stiffness])?;
-        let odd = skin.mesh.as_ref().map_or_else(|| skin.odd_grid(), |mesh| mesh.misfit(skin));
-        odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
-        let odd = skin.embedded.as_ref().and_then(|surface| surface.misfit(skin));
-        odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
-        for (k, layer) in skin.layers.iter().enumerate() {
-            let part = part.of(format!("layers[{k}]"));
-            part.positive("density", &[layer.density])?;
-            part.not_negative("toughness", &[layer.toughness])?;
-            let breaks = part.of("break_strain");
-            breaks.that(layer.break_strain > 0.0, layer.break_strain, "above 0, infinite where nothing breaks")?;
-            let of_springs = layer.break_strain == f64::INFINITY || matches!(skin.law, Law::Springs { .. });
-            breaks.that(of_springs, layer.break_strain, "infinite of other laws than springs")?;
-            let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
-            odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
-            let strained = layer.pre_strain != [0.0; 2] && matches!(skin.law, Law::Springs { .. });
-            part.of("pre_strain").that(!strained, "not 0", "0 of springs")?;
-            if !matches!(skin.law, Law::Springs { stiffness: Some(_), .. }) {
-                part.positive("young", &[layer.young])?;
-            }
-            if !matches!(skin.law, Law::Springs { .. }) {
-                part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
-            }
-            layer.odd_constant().map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
-        }
-        if let Law::Springs { stiffness, damping } = skin.law {
-            part.of("law").that(
-                stiffness.is_some() || skin.mesh.is_some(),
-                "springs to fit",
-                "a stiffness without a mesh",
-            )?;
-            part.of("law").positive("stiffness", stiffness.as_slice())?;
-            part.of("law").not_negative("damping", &[damping])?;
-        }
-        match skin.start {
-            Start::Random { amplitude, .. } => part.of("start").not_negative("amplitude", &[amplitude])?,
-            Start::Twist(angle) => part.of("start").finite("angle", &[angle])?,
-            Start::Rest | Start::Flat | Start::Inverted => {}
-        }
-        if let Law::LargeTetra { element, .. } = skin.law {
-            let of_tetrahedra = matches!(element, Element::Tetra | Element::PlainTetra);
-            part.of("law.element").that(of_tetrahedra, "of hexahedra", "Tetra or PlainTetra")?;
-        }
-        let linear = matches!(skin.law, Law::Fem { .. });
-        part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")
+        named.map_or(Ok(()), |k| scene.of("study").index("probes", k, self.probes.len()))
     }
 
     fn check_body(&self, part: &Part, body: BodyId) -> Result<()> {
