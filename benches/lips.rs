@@ -13,8 +13,6 @@ use std::path::Path;
 
 /// Relative changes of the moduli.
 const CHANGES: [f64; 4] = [0.0, 1e-4, 2e-4, 3e-4];
-/// End of the last cut and of what moves after it, steps.
-const STEPS: u32 = 680;
 /// A depth beyond which a node is counted, m.
 const DEEP: f64 = 3e-5;
 
@@ -22,7 +20,7 @@ const DEEP: f64 = 3e-5;
 fn run(scene: &Scene) -> Result<(Vec<f64>, u32), String> {
     let mut simulation = Simulation::new(scene, &Platform::Cpu64).map_err(|e| e.to_string())?;
     let (mut depths, mut warnings) = (vec![], 0);
-    for step in 1..=STEPS {
+    for step in 1..=scene.time.steps() {
         let report = simulation.step(false).map_err(|e| format!("step {step}: {e}"))?;
         warnings += report.warnings.values().sum::<u32>();
         if step % 5 == 0 {
@@ -59,7 +57,8 @@ fn row(mut scene: Scene, cells: u32, lips: bool) -> Result<(), String> {
 fn main() -> Result<(), String> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let lips = !arguments.iter().any(|a| a == "without");
-    let given: Vec<u32> = arguments.iter().filter_map(|a| a.parse().ok()).collect();
+    let number = |a: &String| a.parse().map_err(|e| format!("{a}: {e}; give numbers of cells, or `without`"));
+    let given: Vec<u32> = arguments.iter().filter(|a| *a != "without").map(number).collect::<Result<_, _>>()?;
     let scene = read(Path::new("scenes/incision_shapes.toml")).map_err(|e| e.to_string())?;
     println!(
         "| cells | nodes inside | mean, µm | deeper than {:.2} mm | deepest of each run, mm | warnings |",

@@ -13,7 +13,7 @@ pub const SOURCE: Source =
 /// One right-hand side.
 pub fn prolongation<R: Real>(
     params: &Params<R>, // of the finer level
-    dofs: &[V4<R>],     // [node] 1 free, 0 fixed, per axis
+    dofs: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],      // see `split`
     coarse_z: &[V4<R>], // [coarse node] m
     z: &mut [V4<R>],    // [node] m

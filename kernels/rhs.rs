@@ -5,7 +5,7 @@
 //! (`bodies::Step` has their `A`). (These are the equations of SOFA's `EulerImplicitSolver` with `dv = Δx/h − v`, where the damping terms
 //! of the right-hand side cancel.) `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over fixed ones: the magnitude of the
 //! step's forces, also at rest.
-//! Units: f N, v m/s, free 0/1 per axis and kg, load N, b N.
+//! Units: f N, v m/s, dofs 0/1 per axis and kg, load N, b N.
 
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};

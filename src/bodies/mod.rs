@@ -224,7 +224,7 @@ pub struct Model {
     pub shape: Vec<[f64; 4]>,
     /// Elements.
     pub kind: Kind,
-    /// Mass discretisation; `dofs` holds the row sums of M.
+    /// Mass discretisation; the masses in `dofs` are the row sums of M.
     pub mass: Mass,
     /// `[node of the grid]` rest position, m.
     pub rest: Vec<[f64; 3]>,

@@ -158,7 +158,7 @@ pub fn contacts(
     body: usize,
     faces: &Faces,
     position: impl Fn(u32) -> [DVec3; 2],
-    free: impl Fn(u32) -> bool,
+    is_free: impl Fn(u32) -> bool,
     alarm: f64,
 ) -> Vec<Contact> {
     // faces with their positions and extents
@@ -200,7 +200,7 @@ pub fn contacts(
     // nearest faces that each node is opposite to, and within whose cell it is
     let mut out = vec![];
     let mut met = BTreeSet::new();
-    for (node, own) in normals.iter().filter(|(node, own)| free(**node) && **own != DVec3::ZERO) {
+    for (node, own) in normals.iter().filter(|(node, own)| is_free(**node) && **own != DVec3::ZERO) {
         let ([at, rest], own) = (position(*node), *own);
         let first = placed.partition_point(|face| face.low.x < at.x - reach - widest);
         let mut faced: Option<(f64, Contact)> = None;

@@ -17,7 +17,7 @@ pub enum Failed {
 
     /// Array larger than a limit of the device.
     #[error(
-        "bytes of array `{array}`: {bytes} wanted, but {limit_name} is {limit}; use fewer cells or contacts, the CPU path, or an adapter \
+        "array `{array}` has {bytes} bytes; {limit_name} is {limit}; use fewer cells or contacts, the CPU path, or an adapter \
          with a larger limit (`cutis adapters` lists them)"
     )]
     TooLarge {

@@ -48,7 +48,7 @@ pub enum Refused {
 
     /// Step too long for the wall clock.
     #[error(
-        "{at}: steps of {step} s; the longest step by the wall clock is {most} s; take a shorter step_ms, or leave out --realtime"
+        "{at}: steps of {step} s with --realtime; at most {most} s; take a shorter step_ms, or leave out --realtime"
     )]
     StepInRealTime {
         /// Where.

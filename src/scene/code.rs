@@ -4,6 +4,7 @@ mod skin;
 mod tool;
 
 use super::devices::RATES;
+use super::integrator::unfit_for_static;
 use super::invalid::{Invalid, Result};
 use super::outputs::LARGEST_PICTURE;
 use super::*;
@@ -282,12 +283,10 @@ impl Scene {
         time.positive("duration", &[self.time.duration])?;
         time.finite("gravity", &self.time.gravity)?;
         time.at_least_one("substeps", &[self.time.substeps])?;
-        let steps = self.time.duration / self.time.step;
-        time.of("duration, step").that(
-            steps <= f64::from(u32::MAX),
-            format!("{steps:.0} steps"),
-            "at most 4294967295 steps",
-        )?;
+        let steps = self.time.too_many_steps();
+        let steps = steps
+            .map(|steps| time.of("duration, step").refuse(format!("{steps:.0} steps"), "at most 4294967295 steps"));
+        steps.map_or(Ok(()), Err)?;
         let solver = scene.of("solver");
         solver.fraction("tolerance", self.solver.tolerance)?;
         solver.not_negative("floor", &[self.solver.floor])?;
@@ -390,9 +389,8 @@ impl Scene {
         for (k, probe) in self.probes.iter().enumerate() {
             self.check_probe(&scene.at("probes", k), &probe.kind)?;
         }
-        scene.of("haptic").positive("rate", &[self.haptic.rate])?;
-        let [_, most] = RATES;
-        scene.of("haptic.rate").that(self.haptic.rate <= most, self.haptic.rate, "at most 4000 Hz")?;
+        let ([least, most], rate) = (RATES, self.haptic.rate);
+        scene.of("haptic.rate").that((least..=most).contains(&rate), rate, "from 100 to 4000 Hz")?;
         let view = scene.of("view");
         view.at_least_one("size", &self.view.size)?;
         let most = self.view.size[0].max(self.view.size[1]);
@@ -489,10 +487,17 @@ impl Scene {
             Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
             Region::Group(group) => {
                 let skin = &self.skins[body];
+                if let Some(surface) = &skin.embedded {
+                    let known = surface.groups().iter().any(|own| own.name() == group.name());
+                    return part.that(known, format!("group \"{}\"", group.name()), "a group of its body's surface");
+                }
                 let nodes = skin.mesh.as_ref().map_or(0, |mesh| mesh.nodes().len());
-                let odd = group.nodes().iter().find(|node| skin.embedded.is_none() && **node as usize >= nodes);
+                let odd = group.nodes().iter().find(|node| **node as usize >= nodes);
                 odd.map_or(Ok(()), |node| {
-                    Err(part.refuse(format!("a group with node {node}"), "one of nodes of its body's mesh"))
+                    Err(part.refuse(
+                        format!("a group with node {node}"),
+                        "a group of its body's mesh, or a region of a grid",
+                    ))
                 })
             }
             _ => Ok(()),
@@ -514,13 +519,10 @@ impl Scene {
             "another",
             "ImplicitEuler or Static where bodies may touch",
         )?;
-        let moves = |tool: &Tool| tool.free.is_some() || tool.blade.is_some() || tool.carve.is_some();
-        let moves = self.tools.iter().any(moves) || self.skins.is_empty();
-        let fits = !moves || self.time.integrator != Integrator::Static;
-        integrator.that(fits, "Static", "another with free rigid bodies or blades, or without deformable bodies")?;
-        let dynamic = |skin: &Skin| skin.breaks() || skin.velocity != [0.0; 3];
-        let fits = self.time.integrator != Integrator::Static || !self.skins.iter().any(dynamic);
-        integrator.that(fits, "Static", "another where springs break or a body moves at the start")?;
+        if let (Integrator::Static, Some((why, _))) = (self.time.integrator, unfit_for_static(&self.skins, &self.tools))
+        {
+            return Err(integrator.refuse(format!("Static, which {why}"), "another"));
+        }
         let fits = self.skins.iter().all(|skin| self.time.integrator.fits(skin.law));
         integrator.that(fits, "Newmark or Midpoint", "one that is stable with the law (`Integrator::fits`)")?;
         if self.time.integrator == Integrator::SymplecticEuler {

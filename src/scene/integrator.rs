@@ -27,19 +27,7 @@ pub(super) fn integrator(
         return Ok(integrator);
     }
     if integrator == Integrator::Static {
-        if skins.is_empty()
-            || tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some() || tool.carve.is_some())
-        {
-            let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts, or a tool carves, in time";
-            return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
-        }
-        if skins.iter().any(Skin::breaks) {
-            return Err(unfit("finds one balance, and springs break in time", "leave break_strain out"));
-        }
-        if skins.iter().any(|skin| skin.velocity != [0.0; 3]) {
-            return Err(unfit("has no velocities", "leave velocity_m_s out"));
-        }
-        return Ok(integrator);
+        return unfit_for_static(skins, tools).map_or(Ok(integrator), |(why, fix)| Err(unfit(why, fix)));
     }
     if touching {
         let why = "is for one body that touches nothing, and this scene has tools, walls, ties or several bodies";
@@ -64,6 +52,20 @@ pub(super) fn integrator(
     scene.needless("max_iterations", &solver.max_iterations, why)?;
     scene.needless("refinements", &solver.refinements, why)?;
     Ok(integrator)
+}
+
+/// Why static steps do not go with these bodies, and the remedy.
+pub(super) fn unfit_for_static(skins: &[Skin], tools: &[Tool]) -> Option<(&'static str, &'static str)> {
+    let moves = |tool: &Tool| tool.free.is_some() || tool.blade.is_some() || tool.carve.is_some();
+    if skins.is_empty() || tools.iter().any(moves) {
+        let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts, or a tool carves, in time";
+        return Some((why, "take \"implicit_euler\", or leave them out"));
+    }
+    if skins.iter().any(Skin::breaks) {
+        return Some(("finds one balance, and springs break in time", "leave break_strain out"));
+    }
+    let moving = skins.iter().any(|skin| skin.velocity != [0.0; 3]);
+    moving.then_some(("has no velocities", "leave velocity_m_s out"))
 }
 
 /// Rejects an integrator that gains energy with a law.

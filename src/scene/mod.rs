@@ -247,6 +247,11 @@ impl Time {
         self.step / f64::from(self.substeps)
     }
 
+    /// Steps of its duration, where they are more than can be counted.
+    pub(super) fn too_many_steps(&self) -> Option<f64> {
+        Some(self.duration / self.step).filter(|steps| *steps > f64::from(u32::MAX))
+    }
+
     /// Number of steps.
     pub fn steps(&self) -> u32 {
         (self.duration / self.step).round().max(1.0) as u32

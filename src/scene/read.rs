@@ -179,8 +179,7 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
             fix: "run for at least one step; steps are in ms, the duration in s",
         });
     }
-    let steps = time.duration / time.step;
-    if steps > f64::from(u32::MAX) {
+    if let Some(steps) = time.too_many_steps() {
         return Err(Invalid::TooManySteps { at: scene.location(raw.duration_s.span()), steps, most: u32::MAX });
     }
     Ok(time)

@@ -20,7 +20,7 @@ pub const TESTS: &[Test] = &[
     ("a_mistyped_command_names_the_nearest", a_mistyped_command_names_the_nearest),
     ("errors_are_json_where_that_is_asked_for", errors_are_json_where_that_is_asked_for),
     ("too_many_threads_are_refused", too_many_threads_are_refused),
-    ("steps_that_nobody_waits_for_are_refused", steps_that_nobody_waits_for_are_refused),
+    ("steps_too_long_for_the_wall_clock_are_refused", steps_too_long_for_the_wall_clock_are_refused),
     ("errors_after_reading_name_their_line", errors_after_reading_name_their_line),
     ("positions_that_no_hand_reaches_are_refused", positions_that_no_hand_reaches_are_refused),
     ("a_file_that_is_not_utf8_names_its_first_bad_byte", a_file_that_is_not_utf8_names_its_first_bad_byte),
@@ -216,12 +216,12 @@ fn too_many_threads_are_refused() -> Outcome {
     Ok(())
 }
 
-fn steps_that_nobody_waits_for_are_refused() -> Outcome {
+fn steps_too_long_for_the_wall_clock_are_refused() -> Outcome {
     for (step_ms, duration_s) in [("1e22", "1e19"), ("1e23", "1e20"), ("61000.0", "61.0")] {
         let long = ALONE.replace("step_ms = 5.0", &format!("step_ms = {step_ms}"));
         let long = long.replace("= 0.025", &format!("= {duration_s}"));
         let work = Work::with(&long)?;
-        let words = ["scene.toml:4: ", "the longest step by the wall clock is 60 s", "leave out --realtime"];
+        let words = ["scene.toml:4: ", "with --realtime; at most 60 s", "leave out --realtime"];
         says(&work, &["run", "scene.toml", "--realtime", "--steps", "1", "--backend", "cpu"], 2, &words)?;
     }
     // a hand has no more ticks in a step than can be written

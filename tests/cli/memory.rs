@@ -218,7 +218,7 @@ fn inspect_takes_no_memory_of_the_size_of_the_grid() -> Outcome {
     }
     // beyond that, 36 million nodes, it names the array
     let (many, _) = inspect(&alone.replace("cells = [4, 4]", "cells = [3463, 3463]"))?;
-    ensure!(many.code == Some(2) && many.said.contains("bytes of array `block`: 2303"), "{many:?}");
+    ensure!(many.code == Some(2) && many.said.contains("array `block` has 2303"), "{many:?}");
     ensure!((1..TO_INSPECT).contains(&many.resident), "{} KiB", many.resident);
     Ok(())
 }

@@ -288,7 +288,7 @@ fn a_blade_goes_on_where_the_reserve_is_used_up() {
     assert!(way > 9e-3 && apart < 3e-4, "{way} m, {apart} m beside the other");
     let surface = &body.wound.surface;
     assert_eq!((surface.edges().open, surface.parts.pieces(&surface.alive)), (0, 1));
-    let mass = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
+    let mass = |dofs: &[[f64; 4]]| dofs.iter().map(|f| f[3]).sum::<f64>();
     let state = body.snapshot().expect("the CPU path has no device to fail");
     assert!((mass(&state.dofs) / mass(&body.model.dofs) - 1.0).abs() < 1e-12);
     assert!(state.u.as_flattened().iter().chain(state.v.as_flattened()).all(|c| c.is_finite()));

@@ -101,7 +101,7 @@ fn solved(before: Snapshot, dx: Vec<[f64; 4]>) -> Solved {
 
 /// Relative change of a body's mass.
 fn mass_lost(model: &Model, state: &Snapshot) -> f64 {
-    let sum = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
+    let sum = |dofs: &[[f64; 4]]| dofs.iter().map(|f| f[3]).sum::<f64>();
     (sum(&state.dofs) / sum(&model.dofs) - 1.0).abs()
 }
 

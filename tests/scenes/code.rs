@@ -1,8 +1,9 @@
 //! Scenes in code: the defaults are those of scene files, and what cannot run is refused with words, not by a panic.
 
 use cutis::scene::{
-    Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Group, Law, Layer,
-    Lines, Load, LoadKind, Material, Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+    Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Group, Integrator, Law,
+    Layer, Lines, Load, LoadKind, Material, Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool,
+    parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -140,8 +141,13 @@ fn what_cannot_run_is_refused_with_words() {
         ),
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
-        (&|s| s.haptic.rate = 1e12, "haptic.rate is 1000000000000"),
+        (&|s| s.haptic.rate = 1e12, "haptic.rate is 1000000000000; it has to be from 100"),
         (&|s| s.time.duration = 1e12, "time.duration, step is"),
+        (&|s| s.time.integrator = Integrator::Static, "time.integrator is Static, which finds the balance"),
+        (
+            &|s| (s.time.integrator, s.skins[0].velocity, s.tools) = (Integrator::Static, [0.1; 3], vec![]),
+            "has no velocities",
+        ),
         (&|s| s.view.size = [960, 9000], "view.size is 9000"),
         (&|s| s.view.eye = s.view.target, "view.eye is the target"),
         (&|s| s.tools[0].inertia = [1e-9, 1e-9, 3e-9], "tools[0].inertia is 0.000000003"),

@@ -93,8 +93,11 @@ pub fn varied(shipped: &Scene, grids: &[u32], seed: u64) -> (Scene, Variation) {
     }
     let (raised, after) = (top(&scene) - before, top(&scene));
     for probe in &mut scene.probes {
-        if let ProbeKind::Displacement { point, .. } = &mut probe.kind {
-            point[2] = (point[2] * after / before).min(after);
+        if let ProbeKind::Displacement { point, .. }
+        | ProbeKind::Strain { point, .. }
+        | ProbeKind::Stress { point, .. } = &mut probe.kind
+        {
+            point[2] *= after / before;
         }
     }
     scene.contact.as_mut().expect("it has a tool").friction *= factor();

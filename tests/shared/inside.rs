@@ -14,7 +14,9 @@ pub fn inside(simulation: &mut Simulation) -> Vec<f64> {
     let mut nodes: Vec<u32> = faces(parts, &body.wound.surface.alive).into_iter().flat_map(|face| face.nodes).collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let cells: Vec<[usize; 8]> = (0..body.model.grid.cell_count()).map(|cell| parts.corners(cell)).collect();
+    let there = |cell: &usize| body.wound.surface.alive[*cell];
+    let cells: Vec<[usize; 8]> =
+        (0..body.model.grid.cell_count()).filter(there).map(|cell| parts.corners(cell)).collect();
     let depth = |node: u32| {
         let p = at(node as usize);
         let foreign = cells.iter().filter(|corners| !corners.contains(&(node as usize)));

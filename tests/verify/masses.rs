@@ -147,7 +147,7 @@ fn cut_masses() {
         let mut wound = Wound::new(&model);
         let removal = wound.apply(&model, &[Hit { segment: 0, at: 0.25 }]);
         assert_eq!(removal.cells, [0]);
-        let total = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
+        let total = |dofs: &[[f64; 4]]| dofs.iter().map(|f| f[3]).sum::<f64>();
         let lost = total(&model.dofs) - total(&wound.dofs);
         // the corner node of the grid leaves with what it had
         let corner = model.dofs[0][3];

@@ -323,12 +323,12 @@ fn cut() {
     for (found, k) in after.iter().zip([0.0, wanted, wanted, 0.0]) {
         assert!(near(found, k), "{after:?}, wanted {wanted}");
     }
-    let dofs = |b: &mut Box<dyn Backend>| b.snapshot().expect("the CPU path has no device to fail").dofs;
-    assert_eq!(dofs(&mut with), wound.dofs, "masses are the body's, not those of its system");
+    let dofs_of = |b: &mut Box<dyn Backend>| b.snapshot().expect("the CPU path has no device to fail").dofs;
+    assert_eq!(dofs_of(&mut with), wound.dofs, "masses are the body's, not those of its system");
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");
     let energy = elastic_energy(&model, &state, &state.rotation);
     let springs = 0.5 * STIFFNESS * 1e-10 * (model.rest_springs.nodes.len() - 1) as f64;
     assert!((energy / springs - 1.0).abs() < 1e-9, "{energy:e} J, wanted {springs:e}");
-    assert!(dofs(&mut with)[1][3] < model.dofs[1][3]);
+    assert!(dofs_of(&mut with)[1][3] < model.dofs[1][3]);
 }

@@ -309,7 +309,9 @@ pub enum Refused {
     },
 
     /// Inverse Service without an arm.
-    #[error("{url}: the Inverse Service has no Inverse3; it has {there}; plug one in, switch it on and calibrate it")]
+    #[error(
+        "{url}: the Inverse Service has no Inverse3; devices present: {there}; plug one in, switch it on and calibrate it"
+    )]
     NoArm {
         /// The address.
         url: String,
