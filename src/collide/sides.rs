@@ -3,9 +3,9 @@
 //!
 //! What is inside has come in through the surface: the way from where a sample was last outside, carried by the skin since, enters the
 //! surface. The nearest surface alone cannot tell: in skin that is pressed flat the far side is the nearest, and near a fold of cells that are
-//! crushed at an edge points outside are classified as inside. Nor can that way alone, where a fold springs back: to enter, the nearest surface or the way in
-//! the world must agree. A sample inside is pushed out along the normal of the nearest surface that looks to where it came in. A sample
-//! without a past has the nearest surface alone.
+//! crushed at an edge points outside are classified as inside. Nor can that way alone, where a fold springs back: to enter, the nearest
+//! surface or the way in the world must agree. A sample inside is pushed out along the normal of the nearest surface that looks to where it
+//! came in. A sample without a past has the nearest surface alone.
 //!
 //! Tools dragged over held edges of a block of 8 × 8 × 4 mm, 100 or 30 kPa, along random ways, and how many the skin threw, by more than 1.7
 //! times the force of the hand's spring and 1.5 N (by 10 to 60 N mostly):

@@ -283,10 +283,9 @@ impl Scene {
         time.positive("duration", &[self.time.duration])?;
         time.finite("gravity", &self.time.gravity)?;
         time.at_least_one("substeps", &[self.time.substeps])?;
-        let steps = self.time.too_many_steps();
-        let steps = steps
-            .map(|steps| time.of("duration, step").refuse(format!("{steps:.0} steps"), "at most 4294967295 steps"));
-        steps.map_or(Ok(()), Err)?;
+        if let Some(steps) = self.time.too_many_steps() {
+            return Err(time.of("duration, step").refuse(format!("{steps:.0} steps"), "at most 4294967295 steps"));
+        }
         let solver = scene.of("solver");
         solver.fraction("tolerance", self.solver.tolerance)?;
         solver.not_negative("floor", &[self.solver.floor])?;
