@@ -25,6 +25,7 @@ pub mod columns;
 pub mod compensated;
 pub mod converge;
 pub mod cut;
+pub mod defect;
 pub mod deformation;
 pub mod duplicate;
 pub mod factor;
@@ -138,6 +139,7 @@ pub const ALL: &[&Source] = &[
     &collect_product::SOURCE,
     &converge::SOURCE,
     &cut::SOURCE,
+    &defect::SOURCE,
     &duplicate::SOURCE,
     &factor::SOURCE,
     &forces::SOURCE,

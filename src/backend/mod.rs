@@ -64,6 +64,8 @@ pub struct Needs {
     pub breaking: bool,
     /// The host reads 3×3 blocks of `A` (uncoupled correction).
     pub node_blocks: bool,
+    /// Steps are solved with the defect of their linearisation.
+    pub in_full: bool,
 }
 
 impl Needs {
@@ -187,6 +189,10 @@ pub trait Backend: Send {
     fn begin(&mut self) -> Result<()>;
     /// Adds forces at nodes, N, to the right-hand side of the unconstrained motion; after [`Backend::begin`], each node once.
     fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()>;
+    /// Sets the right-hand side of the unconstrained motion anew, with the defect of the step's linearisation at the increment by its solves so
+    /// far ([`crate::kernels::defect`]) and without added forces. That increment, of which the contact correction is part if `corrected`, is the
+    /// initial guess.
+    fn add_defect(&mut self, corrected: bool) -> Result<()>;
     /// Sets right-hand sides of compliance columns from (slot, node, N) entries; zeroes `slots` first. No entry may occur twice.
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
     /// Sets a right-hand side, `[node]` N, or a solution, which is also the next initial guess, `[node]` m.

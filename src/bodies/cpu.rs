@@ -65,6 +65,11 @@ pub trait System<R: Real>: Send + Sync {
         f: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> Result<()>;
+    /// Elastic forces at displacements, `[node]` N, of a hyperelastic law whose steps are linearised; the linearisation stays as it is. False
+    /// of other laws.
+    fn forces_of_law(&self, _params: &Params<R>, _at: &[V4<R>], _f: &mut [V4<R>]) -> bool {
+        false
+    }
     /// `[node]` velocities for a consistent mass, m/s: nodal mass times these is `M v`. Does nothing for other masses.
     fn mean_velocities(&self, _params: &Params<R>, _free: &[V4<R>], _v: &[V4<R>], _mean_v: &mut [V4<R>]) {}
     /// Diagonal and sub-diagonal 3×3 blocks of `A` along z-columns of nodes, `[node × 4]` packed, N/m.

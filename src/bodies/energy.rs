@@ -39,6 +39,18 @@ impl Snapshot {
     }
 }
 
+/// Equations that a step is measured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Equations {
+    /// Those of the law's linearisation at the start of the step.
+    #[default]
+    Linearised,
+    /// Those of the law itself, with damping by its linearisation: of steps that are solved in full ([`crate::scene::Scene::in_full`]).
+    InFull,
+    /// Those of the law itself, with damping that is not stiffened.
+    Law,
+}
+
 /// Step solved by a backend.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
@@ -50,8 +62,8 @@ pub struct Solved {
     pub contact: Vec<V4<f64>>,
     /// `[node]` displacement increment found, m.
     pub dx: Vec<V4<f64>>,
-    /// The equations are those of the law itself, not of its linearisation at the start of the step.
-    pub exact: bool,
+    /// The equations that it has to solve.
+    pub equations: Equations,
     /// `τ` of [`super::Step::elastic_at`], where the step has needed another one.
     pub elastic_at: Option<f64>,
 }
@@ -195,12 +207,17 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
 }
 
 /// Residual of the nonlinear equations after a linearised step: the change of the elastic forces over the step, less that of the linearisation,
-/// relative to the load of the step, in f64. 0 for linear laws and where steps are solved by Newton's method.
+/// relative to the load of the step, in f64; of a step that is solved in full what it leaves of these. 0 for linear laws and where steps are solved
+/// by Newton's method.
 pub fn law_residual(model: &Model, solved: Solved) -> f64 {
     if !model.mechanics().linearised(model) {
         return 0.0;
     }
-    true_residual(model, &Solved { exact: true, ..solved })
+    let equations = match solved.equations {
+        Equations::Linearised => Equations::Law,
+        of_step => of_step,
+    };
+    true_residual(model, &Solved { equations, ..solved })
 }
 
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.

@@ -140,6 +140,17 @@ pub trait Recorded: Send {
     /// # Errors
     /// Here and in every method: if a kernel does not compile or an array exceeds a limit of the adapter.
     fn forces(&self, gpu: &Gpu, arrays: &Arrays, main: &Buffer, at: Option<&Buffer>) -> Result<Vec<Dispatch>>;
+    /// Elastic forces at `at` of a hyperelastic law whose steps are linearised, in `to`; afterwards the linearisation is as it was. `None` for
+    /// other laws.
+    fn forces_of_law(
+        &self,
+        _made: &mut Maker,
+        _arrays: &Arrays,
+        _at: &Buffer,
+        _to: &Buffer,
+    ) -> Result<Option<Vec<Dispatch>>> {
+        Ok(None)
+    }
     /// Diagonal and sub-diagonal blocks of `A` along z-columns; `more` overrides arrays of the body.
     fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound>;
     /// `w = A z` for the right-hand sides that the parameters select.

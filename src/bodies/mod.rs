@@ -25,8 +25,8 @@ mod wound;
 
 pub use counts::Counts;
 pub use energy::{
-    Energy, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual, out_of_balance,
-    residual, true_residual,
+    Energy, Equations, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual,
+    out_of_balance, residual, true_residual,
 };
 pub use paths::Paths;
 pub use refused::Refused;

@@ -9,7 +9,7 @@
 //! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` | (linear law) |
 //! | midpoint | the same | the same | 2 | 2 | `u` | `u + Δx/2` |
 //! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` | `u + r_K v` |
-//! | static | 10⁻⁹ s⁻² | 1 | 0 | 0 | `u` | `u + Δx` |
+//! | static | 10⁻⁹ s⁻², or as below | 1 | 0 | 0 | `u` | `u + Δx` |
 //!
 //! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoidal rules `Δx = h/2 (v + v')`,
 //! `v' − v = h/2 (a + a')`. Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not
@@ -20,7 +20,8 @@
 //! keeps linear and angular momentum, and for a nonlinear law the energy up to an excess that is taken from the velocities at the end of each step
 //! (`src/backend/conserve.rs`). Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
 //! stable up to [`super::Model::stable_step`]. A static step is repeated until the forces balance; its trace of inertia keeps a rigid-body
-//! mode that nothing holds from being singular.
+//! mode that nothing holds from being singular. A body that is held by its contacts or by ties to others alone has more of it
+//! ([`Step::yield_slowly`]), which changes the way to the balance and not the balance.
 //! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler); Simo, Tarnow 1992 (momenta and energy of the
 //! midpoint rule).
 //!
@@ -53,6 +54,10 @@ use crate::scene::{Integrator, Preconditioner, Scene, Skin};
 /// Factor of `M` in `A` of a static step, 1/s².
 const STATIC_INERTIA: f64 = 1e-9;
 
+/// Inertia of a floating body in static steps, as a share of `E/(ρ L²)`, a measure of its lowest vibration: its rigid-body modes then give way
+/// a thousand times as much as its shape. With 10⁻⁹ s⁻² they give way 10¹² times as much, and rounding was all that contact forces saw.
+const FLOATING_SHARE: f64 = 1e-3;
+
 /// Constants of the time step.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
@@ -68,6 +73,8 @@ pub struct Step {
     pub preconditioner: u32,
     /// Integrator.
     pub integrator: Integrator,
+    /// Factor of `M` in `A` of static steps, 1/s².
+    static_inertia: f64,
 }
 
 impl Step {
@@ -85,7 +92,15 @@ impl Step {
                 Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
             },
             integrator: scene.time.integrator,
+            static_inertia: STATIC_INERTIA,
         }
+    }
+
+    /// Has a floating body of an extent, m, give way to forces in static steps no more than a thousand times as far as its shape does.
+    pub fn yield_slowly(&mut self, skin: &Skin, extent: f64) {
+        let softest = skin.layers.iter().map(|layer| layer.young / layer.density).fold(f64::INFINITY, f64::min);
+        let inertia = FLOATING_SHARE * softest / (extent * extent);
+        self.static_inertia = if inertia.is_finite() { inertia.max(STATIC_INERTIA) } else { STATIC_INERTIA };
     }
 
     /// True if the system matrix is diagonal, so that no solve is needed.
@@ -100,7 +115,7 @@ impl Step {
             Integrator::ImplicitEuler => (1.0 + h * drag) / (h * h),
             Integrator::Newmark | Integrator::Midpoint => (2.0 + h * drag) / (h * h),
             Integrator::SymplecticEuler => 1.0 / (h * h),
-            Integrator::Static => STATIC_INERTIA,
+            Integrator::Static => self.static_inertia,
         }
     }
 

@@ -221,6 +221,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     let mut list = match scene.time.integrator {
         Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
         _ if newton => vec![count("line search", 1, "trial point"), count("solver", 1, "Newton iteration")],
+        _ if scene.in_full() => vec![count("solver", 1, "solve of a step, 2 to 4 times")],
         _ => vec![count("solver", 1, "step")],
     };
     if newton && !scene.skins.iter().all(hyperelastic) {

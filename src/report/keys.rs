@@ -124,7 +124,7 @@ pub struct SolverReport {
     pub iterations_mean: f64,
     /// In one step.
     pub iterations_max: u32,
-    /// Largest number of Newton iterations in a step; 0 if the law is linear in a step.
+    /// Largest number of Newton iterations in a step, or of its repetitions with contact; 0 if the law is linear in a step.
     pub newton_iterations_max: u32,
     /// `compensated` or `plain`.
     pub sums: String,
@@ -137,7 +137,7 @@ pub struct SolverReport {
     /// Largest relative residual of the steps that were checked in f64.
     pub residual_true: Option<f64>,
     /// Largest share of a step's load that its linearisation of a hyperelastic law left, over the steps that were checked in f64. Near 1 skin
-    /// creeps where it should spring: take shorter steps, `newton = true` where nothing touches, or a smaller ratio of Poisson.
+    /// creeps where it should spring: take shorter steps, `newton = true`, or a smaller ratio of Poisson.
     pub law_residual: Option<f64>,
 }
 

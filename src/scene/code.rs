@@ -508,9 +508,13 @@ impl Scene {
         super::embedded::fits(self)?;
         let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
         let refinements = scene.of("solver.refinements");
-        let newton = hyperelastic && self.newton();
+        let newton = self.in_full() || hyperelastic && self.newton();
         refinements.that(!newton || self.solver.refinements == 0, self.solver.refinements, "0 with Newton's method")?;
-        scene.of("solver.newton").that(!newton || self.contact.is_none(), true, "false where bodies may touch")?;
+        let correction = self.contact.map(|contact| contact.correction);
+        let unfit = hyperelastic::unfit_for_newton(&self.skins, correction, self.time.integrator);
+        if let Some(why) = unfit.filter(|_| self.solver.newton && self.skins.iter().any(hyperelastic::large_strain)) {
+            return Err(scene.of("solver.newton").refuse(format!("true, but {why}"), "false"));
+        }
         let integrator = scene.of("time.integrator");
         let implicit = matches!(self.time.integrator, Integrator::ImplicitEuler | Integrator::Static);
         integrator.that(

@@ -4,7 +4,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
 use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or};
 use super::words::word;
-use super::{Element, Integrator, Law, Layer};
+use super::{Correction, Element, Integrator, Law, Layer, Skin};
 use std::ops::Range;
 
 /// Large-strain law of a body of hexahedra, or, without fibres, of tetrahedra ([`crate::kernels::hyperelastic`]).
@@ -208,29 +208,43 @@ pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
     hyperelastic.into_iter().chain(others).collect()
 }
 
-/// Rejects what Newton's method does not support.
+/// Why steps cannot be solved to their nonlinear balance, or need not be asked to; `touching` is the correction of a scene with contact.
+pub(super) fn unfit_for_newton(
+    skins: &[Skin],
+    touching: Option<Correction>,
+    integrator: Integrator,
+) -> Option<&'static str> {
+    match (touching, integrator) {
+        _ if !skins.iter().any(large_strain) => Some("only hyperelastic laws have a nonlinear balance to solve for"),
+        (_, Integrator::SymplecticEuler) => Some("integrator = \"symplectic_euler\" solves no system"),
+        (Some(_), Integrator::Static) => Some("static steps with contact are solved in full already"),
+        (Some(Correction::Uncoupled | Correction::Precomputed), _) => {
+            Some("with contact it needs correction = \"exact\", since each solve goes on from the last one's forces")
+        }
+        _ => None,
+    }
+}
+
+/// Whether a body has a hyperelastic law.
+pub(super) fn large_strain(skin: &Skin) -> bool {
+    matches!(skin.law, Law::Hyperelastic(_) | Law::LargeTetra { .. })
+}
+
+/// Rejects what Newton's method does not support; `touching` as for [`unfit_for_newton`].
 pub(super) fn fits(
     scene: &SceneText,
-    hyperelastic: bool,
-    contact: bool,
+    skins: &[Skin],
+    touching: Option<Correction>,
     integrator: Integrator,
     solver: &raw::Solver,
 ) -> Result<()> {
-    if let Some(newton) = solver.newton.as_ref().filter(|newton| *newton.get_ref()) {
-        let unfit = |why: &'static str| Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why };
-        if !hyperelastic {
-            return Err(unfit("only hyperelastic hexahedra are solved by Newton's method"));
-        }
-        if contact {
-            return Err(unfit("where bodies may touch each step is one linear solve; leave it out"));
-        }
-        if integrator == Integrator::SymplecticEuler {
-            return Err(unfit("integrator = \"symplectic_euler\" solves no system"));
-        }
+    let asked = solver.newton.as_ref().filter(|newton| *newton.get_ref());
+    if let (Some(newton), Some(why)) = (asked, unfit_for_newton(skins, touching, integrator)) {
+        return Err(Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why });
     }
-    let asked = solver.newton.as_ref().is_some_and(|newton| *newton.get_ref());
-    if hyperelastic && integrator.newton(asked, contact) {
-        let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
+    let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
+    if asked.is_some() || hyperelastic && integrator.newton(false, touching.is_some()) {
+        let why = "steps that are solved to their nonlinear balance stop at the true residual already, and linear refinements would undo them";
         return match &solver.refinements {
             Some(rounds) if *rounds.get_ref() > 0 => scene.needless("refinements", &solver.refinements, why),
             _ => Ok(()),

@@ -168,6 +168,14 @@ impl Scene {
         self.time.integrator.newton(self.solver.newton, self.contact.is_some())
     }
 
+    /// Whether steps are solved in full without Newton's method, as those with contact and of hyperelastic tetrahedra are where `solver.newton`
+    /// asks for it: again with what their linearisation leaves of the law ([`crate::kernels::defect`]), until law and contact hold together.
+    /// Static steps always are.
+    pub fn in_full(&self) -> bool {
+        let implicit = self.time.integrator == Integrator::ImplicitEuler;
+        self.solver.newton && implicit && self.skins.iter().any(hyperelastic::large_strain)
+    }
+
     /// Whether a tool carves space out of a deformable body.
     pub fn carves_space(&self, body: usize) -> bool {
         let carves = |tool: &Tool| tool.carve.is_some_and(|carve| !carve.whole_cells);
@@ -236,7 +244,7 @@ impl Integrator {
         match self {
             Self::Midpoint => true,
             Self::Static => !touching,
-            _ => asked,
+            _ => asked && !touching,
         }
     }
 }
@@ -286,8 +294,8 @@ pub struct Solver {
     pub floor: f64,
     /// Iteration limit, after which a solve counts as not converged.
     pub max_iterations: u32,
-    /// Hyperelastic bodies: solve each step to its nonlinear balance by Newton's method instead of one linear system
-    /// ([`Scene::newton`]).
+    /// Hyperelastic bodies: solve each step to its nonlinear balance instead of one linear system: by Newton's method
+    /// ([`Scene::newton`]), or with its contact ([`Scene::in_full`]).
     pub newton: bool,
     /// Maximum rounds of iterative refinement per step: residual in f64 on the host, correction in the backend's precision.
     pub refinements: u32,

@@ -102,7 +102,6 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
     let loads = raw.load.into_iter().map(|table| loads::load(&scene, table, &names, &skins, &grids));
     // contact, integrator and what does not go together
-    let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let raw_contact = raw::keys(raw.contact);
     let correction_at = raw_contact.correction.as_ref().map(At::span).unwrap_or_default();
     let contact = tools::contact(&scene, raw_contact, &tools)?;
@@ -126,7 +125,8 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     for (word, skin) in word.iter().flat_map(|word| skins.iter().map(move |skin| (word, skin))) {
         integrator::stable(&scene, word, integrator, skin.law)?;
     }
-    hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
+    let correction = touching.then_some(contact.correction);
+    hyperelastic::fits(&scene, &skins, correction, integrator, &raw_solver)?;
     // steps and ticks
     let step_ms = time_keys.step_ms.span();
     let time = time(&scene, time_keys, integrator)?;

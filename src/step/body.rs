@@ -10,9 +10,9 @@ pub use compliance::Compliance;
 pub(super) use known::Known;
 pub use start::{needs, start};
 
-use super::{Part, StepReport};
+use super::{MOST_IN_FULL, Part, StepReport};
 use crate::backend::{Backend, CORRECTION, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target, on_cpu};
-use crate::bodies::{self, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
+use crate::bodies::{self, Equations, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Faces;
 use crate::collide::{self, Aabb, Patch, Resistance};
@@ -71,6 +71,8 @@ pub struct Body {
     pub(super) tied: Vec<u32>,
     /// Its cuts, in order; applied to the uncut body they give the wound.
     pub(super) cuts: Vec<Cut>,
+    /// Its steps are solved in full ([`Scene::in_full`]).
+    pub(super) in_full: bool,
     /// Its nodes, or the present step's solution for them, contain non-finite values.
     pub(super) non_finite: bool,
     /// `[node]` magnitude of the true residual of the last step, N, if that was checked; otherwise empty.
@@ -191,8 +193,13 @@ impl Body {
             gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
         }
         // model and initial state on the backend
-        let model = Model::new(scene, number)?;
+        let mut model = Model::new(scene, number)?;
         check_step(scene, &model)?;
+        let floats = floats(&model);
+        if floats {
+            let extent = model.extent();
+            model.step.yield_slowly(skin, extent);
+        }
         let needs = needs(scene, &model);
         let start = start(scene, &model);
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
@@ -202,7 +209,6 @@ impl Body {
         };
         // a floating body falls
         let part = scene.time.part();
-        let floats = floats(&model);
         let fall = if floats { DVec3::from_array(scene.time.gravity).length() * part.powi(2) } else { 0.0 };
         let wound = Wound::new(&model);
         Ok(Self {
@@ -224,6 +230,7 @@ impl Body {
             loose_loads: vec![],
             pushed: vec![],
             near: needs.near,
+            in_full: needs.in_full,
             lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
             tied: vec![],
             cuts: vec![],
@@ -339,10 +346,12 @@ impl Body {
         DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(self.located.displacement(node))
     }
 
-    /// Solves the unconstrained motion under forces at nodes, N; returns its values at `nodes`.
+    /// Solves the unconstrained motion under forces at nodes, N; returns its values at `nodes`. With what a solve of the step `before` has ended
+    /// in, it goes on from there to the same residual.
     pub(super) fn solve_free(
         &mut self,
         solver: &Solver,
+        before: Option<Outcome>,
         forces: &[(u32, [f64; 3])],
         nodes: &[u32],
         report: &mut StepReport,
@@ -351,8 +360,18 @@ impl Body {
         if !forces.is_empty() {
             self.backend.add_forces(forces)?;
         }
-        self.guess_fall(forces)?;
-        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
+        let target = match before {
+            // a body that was at rest had no load; now contact forces are
+            Some(before) => {
+                let pushed = forces.iter().map(|(_, f)| DVec3::from_array(*f).length_squared()).sum::<f64>().sqrt();
+                Target::Absolute(before.target.max(solver.tolerance * pushed))
+            }
+            None => {
+                self.guess_fall(forces)?;
+                Target::OfLoad(solver.tolerance)
+            }
+        };
+        let wanted = [SolveRequest { slot: FREE, target }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         // a non-finite solution has a non-finite residual
@@ -456,6 +475,9 @@ impl Body {
         let corrected = contact.is_some();
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
+        if self.in_full && report.newton_iterations <= MOST_IN_FULL {
+            solved.equations = Equations::InFull;
+        }
         // iterative refinement
         solved.dx = self.increment(corrected)?;
         solved.elastic_at = self.backend.nonlinear().elastic_at;

@@ -7,7 +7,7 @@ pub use points::{ContactPoint, PointKind};
 
 use super::body::{MOST_AT_ONCE, Solving};
 use super::rows::Rows;
-use super::{Body, Part, Simulation, StepReport};
+use super::{Body, Part, Simulation, StepReport, add_up};
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
@@ -157,14 +157,26 @@ impl Simulation {
         if iterates && in_time && law.correction == Correction::Exact {
             self.predict(&mut problem, report);
         }
-        let ended = self.solve_unconstrained(&mut problem, report)?;
-        let (lambda, slips) = match iterates {
-            true => self.iterate(&mut problem, report)?,
-            false => {
-                let moved = self.correct(&problem, &first, law.tolerance, report)?;
-                let slips = problem.slips_after(&first, &moved);
-                (first, slips)
+        let mut ended = self.solve_unconstrained(&mut problem, None, report)?;
+        let ties = problem.laws.iter().any(Law::is_constraint);
+        let mut changed = true; // by the last solve of the unconstrained motion
+        let (lambda, slips) = loop {
+            let passes = report.contact.passes;
+            let (lambda, slips) = match iterates {
+                true => self.iterate(&mut problem, ties && changed, report)?,
+                false => {
+                    let moved = self.correct(&problem, &first, law.tolerance, report)?;
+                    let slips = problem.slips_after(&first, &moved);
+                    (first.clone(), slips)
+                }
+            };
+            // in full: again with the defect that these forces leave
+            if !self.goes_on(changed || report.contact.passes > passes, true, report)? {
+                break (lambda, slips);
             }
+            problem.included = lambda;
+            let again = self.solve_unconstrained(&mut problem, Some(&ended), report)?;
+            changed = add_up(&mut ended, &again);
         };
         self.move_tools(&problem, &lambda, report);
         self.publish_reduced(&problem, &slips, &lambda);
@@ -249,14 +261,22 @@ impl Simulation {
         problem.predict(&found, &mut report.costs);
     }
 
-    /// Solves the unconstrained motion under the included forces; finds the slips by it.
+    /// Solves the unconstrained motion under the included forces; finds the slips by it. With what the solves `before` ended in, they go on from
+    /// there to the same residuals.
     ///
     /// What is left for the corrections is the change of the forces from the included ones, a small part of them.
-    fn solve_unconstrained(&mut self, problem: &mut Problem, report: &mut StepReport) -> Result<Vec<Outcome>> {
+    fn solve_unconstrained(
+        &mut self,
+        problem: &mut Problem,
+        before: Option<&[Outcome]>,
+        report: &mut StepReport,
+    ) -> Result<Vec<Outcome>> {
         let (mut ended, mut picked) = (vec![], vec![]);
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, &problem.included);
-            let (outcome, values) = body.solve_free(&self.scene.solver, &forces, &problem.nodes[number], report)?;
+            let before = before.map(|before| before[number]);
+            let (outcome, values) =
+                body.solve_free(&self.scene.solver, before, &forces, &problem.nodes[number], report)?;
             body.reset_correction()?;
             ended.push(outcome);
             picked.push(values);

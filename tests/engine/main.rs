@@ -17,6 +17,7 @@ mod falls;
 mod features;
 mod fitted;
 mod halves;
+mod in_full;
 mod incision;
 #[path = "../shared/inside.rs"]
 mod inside;
@@ -29,6 +30,7 @@ mod parts;
 mod pit;
 #[path = "../shared/ragged.rs"]
 mod ragged;
+mod resting;
 mod robust;
 mod round;
 #[path = "../shared/small.rs"]

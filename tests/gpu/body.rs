@@ -381,7 +381,7 @@ impl Body {
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "y" => random.vectors(nodes, 1e-2),
-            "f" | "load" => random.vectors(nodes, 0.01),
+            "f" | "f_end" | "load" => random.vectors(nodes, 0.01),
             "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),
             "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),

@@ -125,6 +125,10 @@ const CASES: &[Case] = cases! {
         "* (p.z / (p.z - q.z))" => "* 0.5", "(y / (y - other.x))" => "0.5", "both.x - both.y" => "both.x + both.y",
         "point_before[second]" => "point_before[first]", "+ (c[6] - c[4])" => ""
     ]
+    defect Nodes false [
+        "x[i].xyz * (params" => "f[i].xyz * (params", "* dofs[i].w" => "", "/ params.stiffness_factor" => "", "f_end[i].xyz - f[i].xyz" => "f_end[i].xyz + f[i].xyz",
+        "w[i].xyz - inertia" => "w[i].xyz", "linear - change" => "linear + change", "* dofs[i].xyz" => "", "b[i].xyz + " => ""
+    ]
     duplicate Ids true [
         "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "thread.group.y * params.stride" => "params.stride"
     ]

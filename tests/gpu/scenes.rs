@@ -4,7 +4,7 @@ use super::states::{SCENES, resumes};
 use super::{Failure, platform};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
-use cutis::scene::{BodyId, Element, Fibres, Integrator, Law, Material, Preconditioner, ProbeKind, read};
+use cutis::scene::{BodyId, Element, Fibres, Integrator, Law, Material, Preconditioner, ProbeKind, Scene, read};
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ type Test = fn(&Gpu) -> Result<(), Failure>;
 pub const TESTS: &[(&str, Test)] = &[
     ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
     ("a_sphere_presses_hyperelastic_skin_as_on_the_cpu", a_sphere_presses_hyperelastic_skin_as_on_the_cpu),
+    ("steps_in_full_end_as_on_the_cpu", steps_in_full_end_as_on_the_cpu),
     ("a_run_goes_on_from_its_state_bit_for_bit", a_run_goes_on_from_its_state_bit_for_bit),
     ("bodies_and_simulations_share_a_device", bodies_and_simulations_share_a_device),
     ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
@@ -41,6 +42,40 @@ fn forces(platform: &Platform) -> Result<Vec<f64>, Failure> {
         last = simulation.step(false)?.probes;
     }
     Ok(last)
+}
+
+/// A sphere pressed into skin of three laws: forces of the CPU path, and what steps leave of the law; without `newton` much is left.
+fn steps_in_full_end_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/press_slide.toml");
+    let material = Material::NeoHookean;
+    for law in [Law::Hyperelastic(material), Law::LargeTetra { material, element: Element::Tetra }] {
+        let mut scene = read(&path)?;
+        (scene.skins[0].cells, scene.skins[0].law) = ([5, 5], law);
+        if let Law::LargeTetra { .. } = law {
+            scene.solver.preconditioner = Preconditioner::Block;
+        }
+        (scene.solver.newton, scene.solver.tolerance) = (true, 1e-3);
+        let last = |scene: &Scene, platform: &Platform| -> Result<(f64, f64), Failure> {
+            let (mut left, mut force) = (0.0, 0.0);
+            let mut simulation = Simulation::new(scene, platform)?;
+            for _ in 0..16 {
+                let report = simulation.step(true)?;
+                (left, force) =
+                    (f64::max(left, report.law_residual), report.contact.on_tool.first().map_or(0.0, |f| f[2]));
+            }
+            Ok((left, force))
+        };
+        let ((left, force), (_, wanted)) = (last(&scene, &platform(gpu))?, last(&scene, &Platform::Cpu64)?);
+        if !(left < 2e-3 && wanted > 0.1 && (force / wanted - 1.0).abs() < 2e-3) {
+            return Err(format!("{law:?}: {left:e} of the law is left, {force} N in place of {wanted}").into());
+        }
+        scene.solver.newton = false;
+        let (left, _) = last(&scene, &platform(gpu))?;
+        if left < 2e-2 {
+            return Err(format!("the counter-test, {law:?}: {left:e}").into());
+        }
+    }
+    Ok(())
 }
 
 fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {

@@ -142,7 +142,7 @@ impl Case {
         let rest = vec![[0.0; 4]; model.grid.node_count()];
         let start = Snapshot { u: rest.clone(), v: rest, ..Snapshot::default() };
         let needs =
-            Needs { contact: true, columns: COLUMNS, near: 64, cutting: true, breaking: false, node_blocks: true };
+            Needs { contact: true, columns: COLUMNS, near: 64, cutting: true, node_blocks: true, ..Needs::default() };
         let a = &gpu.adapter;
         let own = Gpu::open(Some(&format!("{} {} {}", a.name, a.backend, a.driver)))?;
         let mut three = Three {

@@ -110,6 +110,13 @@ pub fn trial_point<R: Real>(b: &Body) -> Outputs<R> {
     ]
 }
 
+pub fn defect<R: Real>(b: &Body) -> Outputs<R> {
+    let [w, x, dofs, f, f_end] = ["w", "x", "dofs", "f", "f_end"].map(|name| b.v4::<R>(name));
+    let mut right = b.v4::<R>("b");
+    kernels::defect::defect(&b.params(), &w, &x, &dofs, &f, &f_end, &mut right);
+    vec![("b", flat(&right))]
+}
+
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));

@@ -1,7 +1,7 @@
 //! Laws and integrators in scene files: what each is read as, asks for, refuses and goes together with.
 
 use crate::scene_errors::{FULL, alone, parsed, says};
-use cutis::scene::{Element, Integrator, Law, Material, Preconditioner, Region};
+use cutis::scene::{Correction, Element, Integrator, Law, Material, Preconditioner, Region};
 
 /// A scene of [`alone`] with layers of springs.
 fn without_moduli(alone: String) -> String {
@@ -130,7 +130,7 @@ fn hyperelastic_tetrahedra_are_read() {
     let refused = read("law = \"holzapfel\"\nelement = \"tetra\"").expect_err("fibres are of hexahedra");
     says(&refused.to_string(), "element … without fibres … \"tetra\"");
     let newton = parsed(&alone("", "newton = true", "law = \"neo_hookean\"\nelement = \"tetra\""));
-    says(&newton.expect_err("one solve a step").to_string(), "newton … hyperelastic hexahedra");
+    assert!(newton.expect("they are solved in full").in_full());
 }
 
 #[test]
@@ -213,6 +213,30 @@ fn neo_hookean_skin_takes_any_steps_and_newtons_method_no_refinements() {
     let scene = parsed(&alone("", "newton = true", "")).expect("the scene is valid");
     assert!(scene.newton() && scene.solver.newton);
     assert!(!parsed(&alone("", "", "")).expect("the scene is valid").newton());
+}
+
+#[test]
+fn steps_with_contact_are_solved_in_full_where_asked() {
+    let text = FULL.replace("element = \"bbar\"\n", "").replace("law = \"linear\"", "law = \"neo_hookean\"");
+    let with = |solver: &str, contact: &str| {
+        let text = text.replace("[solver]\n", &format!("[solver]\n{solver}\n"));
+        parsed(&text.replace("[contact]\n", &format!("[contact]\n{contact}\n")))
+    };
+    let [plain, full] = ["", "newton = true"].map(|solver| with(solver, "").expect("the scene is valid"));
+    assert!(!plain.in_full() && full.in_full() && !full.newton());
+    full.check().expect("code says the same");
+    for (change, says_why) in
+        [(Correction::Uncoupled, "newton … correction"), (Correction::Precomputed, "newton … correction")]
+    {
+        let mut scene = full.clone();
+        scene.tools.iter_mut().for_each(|tool| (tool.blade, tool.carve) = (None, None));
+        scene.attachments.clear();
+        scene.contact.as_mut().expect("it has contact").correction = change;
+        says(&scene.check().expect_err(says_why).to_string(), says_why);
+    }
+    let mut still = full;
+    still.time.integrator = Integrator::Static;
+    says(&still.check().expect_err("always in full").to_string(), "newton … static");
 }
 
 #[test]

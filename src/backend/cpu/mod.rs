@@ -13,7 +13,7 @@ use crate::bodies::{Model, Removal, RestSprings, rate};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::{Params, ahead, blocks, bounds, cut, duplicate, integrate, prescribe, rest_springs, rhs};
+use crate::kernels::{Params, ahead, blocks, bounds, cut, defect, duplicate, integrate, prescribe, rest_springs, rhs};
 use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::scene::Mass;
@@ -136,6 +136,16 @@ impl<R: Real> CpuBackend<R> {
         if self.masses.is_empty() { &self.dofs } else { &self.masses }
     }
 
+    /// Sets the right-hand side of the unconstrained motion from the elastic forces at the step's start; returns load², N².
+    fn set_right_hand_side(&mut self) -> R {
+        let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
+        let masses = if self.masses.is_empty() { &self.dofs } else { &self.masses };
+        let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
+        let load_squared = rhs::rhs(&self.params, &self.f, v, masses, &self.load, &mut self.r);
+        rest_springs::rest_springs(&self.rest_springs.nodes, &self.rest_stiffness, masses, at, &mut self.r);
+        load_squared
+    }
+
     /// Segments that swept quads crossed.
     fn crossed(&mut self, quads: &[[f64; 3]]) -> Vec<Hit<f64>> {
         let Some(c) = self.cutting.as_mut().filter(|_| !quads.is_empty()) else { return vec![] };
@@ -197,14 +207,30 @@ impl<R: Real> Backend for CpuBackend<R> {
         self.system.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE].scratch)?;
         self.nonlinear = Nonlinear::default();
         self.system.mean_velocities(&params, &self.dofs, &self.v, &mut self.mean_v);
-        let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
-        let masses = if self.masses.is_empty() { &self.dofs } else { &self.masses };
-        self.load_squared = rhs::rhs(&params, &self.f, v, masses, &self.load, &mut self.r);
-        rest_springs::rest_springs(&self.rest_springs.nodes, &self.rest_stiffness, masses, at, &mut self.r);
+        self.load_squared = self.set_right_hand_side();
         if self.explicit {
             return Ok(());
         }
         self.system.refresh(&params, &self.dofs);
+        Ok(())
+    }
+
+    fn add_defect(&mut self, corrected: bool) -> Result<()> {
+        let (n, zero) = (self.node_count, [R::zero(); 4]);
+        // the increment so far, and where it ends
+        let (dx, others) = self.x.split_at_mut(n);
+        if corrected {
+            dx.iter_mut().zip(others).for_each(|(dx, by)| *dx = (V3::from4(*dx) + V3::from4(*by)).pad(R::zero()));
+        }
+        let moved = self.u.iter().zip(&*dx).map(|(u, dx)| (V3::from4(*u) + V3::from4(*dx)).pad(R::zero()));
+        let (end, mut f_end) = (moved.collect::<Vec<_>>(), vec![zero; n]);
+        self.set_right_hand_side();
+        if self.system.forces_of_law(&self.params, &end, &mut f_end) {
+            let mut w = vec![zero; n];
+            let Self { params, system, dofs, x, f, r, space, .. } = self;
+            system.product(params, dofs, &x[..n], &mut w, &mut space[FREE].scratch);
+            defect::defect(params, &w, x, dofs, f, &f_end, r);
+        }
         Ok(())
     }
 

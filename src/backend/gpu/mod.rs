@@ -5,6 +5,7 @@
 //! skip their work; if one has not converged, more iterations are submitted.
 
 mod arrays;
+mod defect;
 mod exchange;
 mod explicit;
 mod newton;
@@ -22,6 +23,7 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4, round};
 use arrays::{Body, Bounds, Cutting, axes, compensation_survives};
+use defect::Defect;
 use exchange::{Gather, Scatter};
 use newton::Newton;
 use paths::Driven;
@@ -55,6 +57,8 @@ pub struct GpuBackend {
     newton: Option<Newton>,
     driven: Option<Driven>,
     begin: Vec<Dispatch>,
+    right_hand_side: Vec<Dispatch>, // of the unconstrained motion; part of `begin`
+    defect: Option<Defect>,
     integrate: [Bound; 2], // without and with the correction
     pick: Gather,
     put: Option<Scatter>,
@@ -123,10 +127,11 @@ impl GpuBackend {
         begin.extend(kind.forces(&gpu, &arrays, &main, ahead.as_ref().map(|a| &a.y))?);
         let mean_v = kind.mean_velocities();
         let mean_v = mean_v.as_ref().unwrap_or(&v);
-        begin
-            .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("dofs", &masses)])?, over_nodes(&params)));
+        let sums = of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("dofs", &masses)])?;
+        let mut right_hand_side = vec![(sums, over_nodes(&params))];
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
-        begin.extend(rest_springs.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
+        right_hand_side.extend(rest_springs.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
+        begin.extend(right_hand_side.iter().cloned());
         if !explicit {
             begin.push((kind.blocks(&gpu, &arrays, &[("params", &main)])?, over_nodes(&params)));
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
@@ -137,6 +142,13 @@ impl GpuBackend {
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
+        let defect = match needs.in_full {
+            true => {
+                let solved = [&solver.x, &solver.r];
+                Some(Defect::new(&mut made, model, kind.as_mut(), &arrays, solved, [&single, &main])?)
+            }
+            false => None,
+        };
         gpu.making("exchange with the host");
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
@@ -179,6 +191,8 @@ impl GpuBackend {
             newton,
             driven,
             begin,
+            right_hand_side,
+            defect,
             integrate,
             pick,
             put,
@@ -260,10 +274,13 @@ impl Backend for GpuBackend {
     fn begin(&mut self) -> Result<()> {
         let mut batch = self.record();
         self.newton.iter_mut().for_each(|newton| newton.advanced.clear());
-        for (kernel, threads) in &self.begin {
-            batch.run(kernel, self.solver.in_use.threads(*threads), 1);
-        }
+        self.run_all(&mut batch, &self.begin);
         self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn add_defect(&mut self, corrected: bool) -> Result<()> {
+        self.record_defect(corrected);
         Ok(())
     }
 

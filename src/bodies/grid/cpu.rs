@@ -207,6 +207,15 @@ impl<R: Real> System<R> for Hexahedra<R> {
         Ok(())
     }
 
+    fn forces_of_law(&self, params: &Params<R>, at: &[V4<R>], f: &mut [V4<R>]) -> bool {
+        let Some((law, own)) = &self.law else { return false };
+        let wide = Params { node_count: params.node_count, ..*own };
+        let alive = |cell: usize| self.rotation[cell] != [R::zero(); 4];
+        let forces = law.forces(&wide, &self.split, &alive, &widen(at));
+        f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
+        true
+    }
+
     fn mean_velocities(&self, params: &Params<R>, dofs: &[V4<R>], v: &[V4<R>], mean_v: &mut [V4<R>]) {
         let Self { shape, layer_of, split, rotation, .. } = self;
         mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {

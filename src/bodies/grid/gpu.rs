@@ -357,6 +357,25 @@ impl Recorded for Hexahedra {
         Ok(list)
     }
 
+    fn forces_of_law(
+        &self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        at: &Buffer,
+        to: &Buffer,
+    ) -> Result<Option<Vec<Dispatch>>> {
+        if !self.hyperelastic || self.law.is_some() {
+            return Ok(None);
+        }
+        // as of a small-strain law the kernel leaves the linearisation alone
+        let main = made.params(&Params { corotational: 1, ..self.params });
+        let cells = [("params", &main), ("displacement", at)];
+        Ok(Some(vec![
+            (arrays.bind(made.gpu, &hyperelastic_forces::SOURCE, &cells)?, self.params.cell_count as usize),
+            (arrays.bind(made.gpu, &collect::SOURCE, &[("params", &main), ("f", to)])?, over_nodes(&self.params)),
+        ]))
+    }
+
     fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
         let system = self.consistent.iter().map(|[system, _]| ("stiffness", system));
         let more: Vec<_> = system.chain(more.iter().copied()).collect();

@@ -16,7 +16,9 @@ pub(super) use hyperelastic::constants;
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound};
+use super::{
+    Elements, Equations, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
@@ -370,12 +372,11 @@ impl Mechanics for Hexahedra {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
         let (layers, split) = (&model.grid.layer_of, &solved.start.split);
-        let newton = self.hyperelastic.as_ref().filter(|law| law.newton || solved.exact);
+        let of_law = |law: &&Hyperelastic| law.newton || solved.equations != Equations::Linearised;
+        let newton = self.hyperelastic.as_ref().filter(of_law);
         // the stiffening belongs to the linearisation
-        let rotation = match newton {
-            Some(_) => self.linearisation(model, &solved.start, false),
-            None => self.linearisation(model, &solved.start, true),
-        };
+        let stiffened = newton.is_none_or(|law| !law.newton && solved.equations == Equations::InFull);
+        let rotation = self.linearisation(model, &solved.start, stiffened);
         let alive = |cell: usize| rotation[cell] != [0.0; 4];
         // elastic forces: of small-strain cells with the rotations of the state
         if let Some(law) = &self.hyperelastic {

@@ -144,6 +144,17 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         Ok(())
     }
 
+    fn forces_of_law(&self, params: &Params<R>, at: &[V4<R>], f: &mut [V4<R>]) -> bool {
+        if !self.arrays.is_hyperelastic() {
+            return false;
+        }
+        let (mut rotations, mut scratch) = (self.rotations.clone(), self.arrays.scratch());
+        let purpose = For::Steps(params.stiffness_factor);
+        let forces = self.arrays.forces_of_law(at, purpose, &mut rotations, &mut scratch);
+        tetrahedra_forces::tetrahedra_forces(&self.arrays.first_of_node, &self.arrays.of_node, forces, f);
+        true
+    }
+
     fn blocks(&self, params: &Params<R>, dofs: &[V4<R>], out: &mut [V4<R>]) {
         tetrahedra_blocks::tetrahedra_blocks(params, &self.arrays.rest_block, &self.node_rotations, dofs, out);
     }

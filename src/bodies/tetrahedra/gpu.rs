@@ -315,7 +315,7 @@ impl Tetrahedra {
     }
 
     /// Forces of a hyperelastic law at displacements, its linearisation, and the rotations of the nodes.
-    fn forces_of_law(&self, gpu: &Gpu, arrays: &Arrays, u: &Buffer) -> Result<Vec<Dispatch>> {
+    fn law_at(&self, gpu: &Gpu, arrays: &Arrays, u: &Buffer) -> Result<Vec<Dispatch>> {
         let [_, count, domains] = self.threads();
         let patches = Self::patch_count(&self.params, self.smoothed);
         let of_patches: Vec<_> = self.patches.iter().map(|(name, buffer)| (*name, buffer)).collect();
@@ -393,7 +393,7 @@ impl Recorded for Tetrahedra {
         assert!(at.is_none(), "scenes of tetrahedra with explicit steps are refused");
         let u = arrays.get("u").unwrap_or_else(|| unreachable!("every body has it"));
         if self.hyperelastic {
-            let mut list = self.forces_of_law(gpu, arrays, &u)?;
+            let mut list = self.law_at(gpu, arrays, &u)?;
             list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &[("params", main)])?, self.threads()[0]));
             return Ok(list);
         }
@@ -402,6 +402,26 @@ impl Recorded for Tetrahedra {
         list.extend(self.corner_forces(gpu, arrays, &of_all)?);
         list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &[("params", main)])?, self.threads()[0]));
         Ok(list)
+    }
+
+    fn forces_of_law(
+        &self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        at: &Buffer,
+        to: &Buffer,
+    ) -> Result<Option<Vec<Dispatch>>> {
+        if !self.hyperelastic {
+            return Ok(None);
+        }
+        let gpu = made.gpu;
+        let mut list = self.law_at(gpu, arrays, at)?;
+        let sums = [("params", &self.total), ("f", to)];
+        list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &sums)?, self.threads()[0]));
+        // the passes leave a linearisation behind: that of the start again
+        let u = arrays.get("u").unwrap_or_else(|| unreachable!("every body has it"));
+        list.extend(self.law_at(gpu, arrays, &u)?);
+        Ok(Some(list))
     }
 
     fn points(&self, gpu: &Gpu, main: &Buffer, u: &Buffer, to: &Buffer) -> Result<Option<Dispatch>> {

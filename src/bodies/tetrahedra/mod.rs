@@ -28,8 +28,8 @@ pub mod operator;
 
 use super::gpu::{Maker, Recorded};
 use super::{
-    ElementPoint, Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays,
-    Wound,
+    ElementPoint, Elements, Equations, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot,
+    Solved, Stays, Wound,
 };
 use crate::bodies::grid::local::beyond;
 use crate::bodies::grid::{constants, element};
@@ -287,18 +287,18 @@ impl Mechanics for Tetrahedra {
         let mut params = model.params::<f64>();
         let rotations = match self.law {
             None => arrays.rotations(&solved.start.u, self.corotational),
-            Some(_) if solved.exact => arrays.linearised(&solved.start.u, For::Damping),
+            Some(_) if solved.equations == Equations::Law => arrays.linearised(&solved.start.u, For::Damping),
             Some(_) => arrays.linearised(&solved.start.u, For::Steps(params.stiffness_factor)),
         };
         let scratch = &mut arrays.scratch();
         arrays.forces(at, &rotations, &mut f, scratch);
         // damping alone, and the change of the law's own forces
-        let exact = self.law.is_some() && solved.exact;
-        if exact {
+        let of_law = self.law.is_some() && solved.equations != Equations::Linearised;
+        if of_law {
             params.stiffness_factor -= model.step.elastic_at();
         }
         arrays.system_product(&params, in_system, &solved.dx, &rotations, &mut w, scratch);
-        if exact {
+        if of_law {
             let elastic_at = solved.elastic_at.unwrap_or(model.step.elastic_at());
             let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
             let end: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();

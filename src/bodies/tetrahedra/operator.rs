@@ -35,6 +35,7 @@ pub fn is_removed(corners: &[u32; 4]) -> bool {
 }
 
 /// Rotations of the tetrahedra and of the domains, as quaternions; of a hyperelastic law its linearisation ([`crate::kernels::tetrahedra_laws`]).
+#[derive(Clone)]
 pub struct Rotations<R> {
     /// `[tetrahedron]`
     pub element: Vec<V4<R>>,

@@ -39,8 +39,9 @@ pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
 /// Arrays that a deformable body's backend holds; `model` counts the tied nodes.
 pub fn needs(scene: &Scene, model: &Model) -> Needs {
     let breaking = scene.skins[model.body].breaks();
+    let in_full = scene.in_full() && model.newton().is_none();
     let Some(contact) = &scene.contact else {
-        return Needs { breaking, ..Needs::default() };
+        return Needs { breaking, in_full, ..Needs::default() };
     };
     let exact = contact.correction == Correction::Exact;
     let tied = |a: &&Attachment| a.body == model.body || a.to == BodyId::Deformable(model.body);
@@ -52,6 +53,7 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
         cutting: scene.tools.iter().any(|t| t.blade.is_some()),
         breaking,
         node_blocks: contact.correction == Correction::Uncoupled,
+        in_full,
     }
 }
 

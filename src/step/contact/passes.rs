@@ -13,7 +13,7 @@
 //! anew in a slow pass: 2.7, 7 and 70; the same without a budget of row updates: 2.9, 7 and 1150.
 
 use super::Problem;
-use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
+use crate::constraints::{self, Effort, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::math::inner_product;
 use crate::scene::Correction;
@@ -221,10 +221,16 @@ impl Problem<'_> {
 
 impl Simulation {
     /// Runs passes until one more would change the forces by less than the tolerance; where they are used up, takes the best one. Returns
-    /// its forces and slips. The solve of the unconstrained motion, with its included forces, is the first of them.
-    pub(super) fn iterate(&mut self, problem: &mut Problem, report: &mut StepReport) -> Result<(Vec<f64>, Vec<DVec3>)> {
+    /// its forces and slips. The solve of the unconstrained motion, with its included forces, is the first of them. Attachments take one pass
+    /// more (`tied`): their gap is what the changes of the forces leave, and nothing else closes it.
+    pub(super) fn iterate(
+        &mut self,
+        problem: &mut Problem,
+        mut tied: bool,
+        report: &mut StepReport,
+    ) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
-        let mut tied = problem.laws.iter().any(Law::is_constraint);
+        let earlier = report.contact.passes;
         // a first touch of little force is not negligible
         let mut least = 0.0;
         let slips = problem.slips_after(&problem.included, &[]);
@@ -253,15 +259,15 @@ impl Simulation {
             before = pass.relative_change;
             // stop if the change is within the tolerance, or slow and too small to be felt
             let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
-            // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
+            let passes = report.contact.passes - earlier;
             let enough = if report.contact.passes == 0 { problem.enough_at_first() } else { law.tolerance };
             let closed = pass.relative_change <= enough && !std::mem::take(&mut tied);
-            let single = law.correction != Correction::Exact && report.contact.passes == 1;
+            let single = law.correction != Correction::Exact && passes == 1;
             if closed || (slow && !perceptible) || single {
                 break pass;
             }
             // due: take the last pass, which the backends hold, unless another is far better
-            late = report.contact.passes > 0 && self.deadline.excludes_pass(Instant::now(), longest);
+            late = passes > 0 && self.deadline.excludes_pass(Instant::now(), longest);
             let far_better = |best: &Pass| pass.residual.energy > FAR_BETTER * best.residual.energy;
             if late && !best.as_ref().is_some_and(far_better) {
                 break pass;
@@ -279,7 +285,7 @@ impl Simulation {
             }
             // passes or time used up: take the best one
             let ran_away = worse.is_nan() || worse > RAN_AWAY;
-            exhausted = !late && (report.contact.passes >= law.max_passes || ran_away);
+            exhausted = !late && (passes >= law.max_passes || ran_away);
             if let Some(best) = best.take_if(|_| late || exhausted) {
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;

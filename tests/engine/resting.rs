@@ -1,0 +1,100 @@
+//! Static steps of bodies that contacts or ties to other bodies alone hold: they bear the weight, and what has no balance is refused.
+
+use cutis::error::Result;
+use cutis::scene::{BodyId, Files, Scene, parse};
+use cutis::step::{Platform, Simulation, StepReport};
+use std::path::Path;
+
+/// A block of 10 mm and 10 kPa in one static step, tied to a base or on a floor.
+const BLOCK: &str = r#"title = "A block at rest"
+[time]
+step_ms = 5.0
+duration_s = 0.005
+integrator = "static"
+[solver]
+tolerance = 1e-4
+[[block]]
+name = "block"
+position_mm = [0.0, 0.0, 0.0]
+size_mm = [10.0, 10.0]
+cells = [3, 3]
+law = "corotational"
+[[block.layer]]
+name = "dermis"
+thickness_mm = 10.0
+cells = 3
+young_kpa = 10.0
+poisson = 0.4
+density_kg_m3 = 1000.0
+"#;
+
+fn scene(more: &str) -> Scene {
+    let text = format!("{BLOCK}{more}");
+    parse(&text, Path::new("resting.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+const WEIGHT: f64 = 1000.0 * 1e-6 * 9.81;
+const FLOOR: &str = "[[plane]]\nname = \"floor\"\nthrough_mm = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n";
+const FRICTION: &str = "[contact]\nfriction = 0.3\n";
+
+/// Report of the first step, and how far the middle of the top has come down, m.
+fn step(scene: &Scene) -> Result<(StepReport, f64)> {
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64)?;
+    let report = simulation.step(true)?;
+    let model = &simulation.bodies[0].model;
+    let top = model.grid.nearest([0.0, 0.0, model.grid.thickness()]);
+    let down = -simulation.bodies[0].snapshot()?.u[top][2];
+    Ok((report, down))
+}
+
+#[test]
+fn a_block_at_rest_on_a_floor_is_borne_by_it() {
+    let (held, wanted) = step(&scene("[[boundary]]\nregion = \"bottom\"\n")).expect("it is held");
+    assert!(held.warnings.is_empty() && wanted > 2e-6, "{wanted:e} m");
+    let (report, down) = step(&scene(&format!("{FLOOR}{FRICTION}"))).expect("the floor holds it");
+    let force = report.contact.force(BodyId::Deformable(0), None);
+    println!("force {force} N, weight {WEIGHT} N; top {down:e} m down, {wanted:e} m where its bottom is held");
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    assert!((force.z / WEIGHT - 1.0).abs() < 1e-3 && force.truncate().length() < 1e-3 * WEIGHT, "{force} N");
+    // it may slide a little in growing wider
+    assert!((0.9..1.3).contains(&(down / wanted)), "{down:e} m, {wanted:e} m");
+    // one farther down as well, once it is there
+    let (report, _) =
+        step(&scene(&format!("{}{FRICTION}", FLOOR.replace("0.0, 0.0, 0.0", "0.0, 0.0, -50.0")))).expect("a floor");
+    assert!((report.contact.force(BodyId::Deformable(0), None).z / WEIGHT - 1.0).abs() < 1e-3);
+    // the counter-test: beside a wall there is no balance
+    let far = FLOOR.replace("0.0, 0.0, 1.0", "1.0, 0.0, 0.0").replace("0.0, 0.0, 0.0", "-50.0, 0.0, 0.0");
+    let refused = step(&scene(&format!("{far}{FRICTION}"))).expect_err("it falls").to_string();
+    assert!(refused.contains("not in balance"), "{refused}");
+}
+
+#[test]
+fn a_block_tied_to_another_one_hangs_on_it() {
+    let base = r#"[[block]]
+name = "base"
+size_mm = [10.0, 10.0]
+position_mm = [0.0, 0.0, 10.0]
+cells = [3, 3]
+law = "corotational"
+[[block.layer]]
+name = "dermis"
+thickness_mm = 2.0
+cells = 1
+young_kpa = 10.0
+poisson = 0.4
+density_kg_m3 = 1000.0
+[[boundary]]
+region = "top"
+body = "base"
+[[attach]]
+body = "block"
+region = "top"
+to = "base"
+"#;
+    let text = format!("{base}{FRICTION}");
+    let (report, down) = step(&scene(&text)).expect("the tie holds it");
+    let force = report.contact.force(BodyId::Deformable(0), Some(BodyId::Deformable(1)));
+    println!("force {force} N, weight {WEIGHT} N, {down:e} m down");
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    assert!((force.z / WEIGHT - 1.0).abs() < 1e-3 && (0.0..1e-4).contains(&down), "{force} N, {down:e} m");
+}
