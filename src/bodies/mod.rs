@@ -10,6 +10,7 @@ pub mod cpu;
 mod element_points;
 mod embedded;
 mod energy;
+mod floating;
 pub mod gpu;
 pub mod grid;
 mod loads;
@@ -294,6 +295,9 @@ impl Model {
         model.rest_springs = RestSprings::new(&rest_springs, |spring| model.grid.nodes_in(&spring.region));
         model.set_masses(&skin.layers);
         model.hold(scene);
+        if model.floats() {
+            model.step.yield_slowly(skin, model.grid.size()[0].max(model.grid.size()[1]).max(model.grid.thickness()));
+        }
         // reserve for the nodes that a cut duplicates
         model.dofs.resize(model.node_count(), [0.0; 4]);
         grid::prepare(&mut model, scene.solver.preconditioner);

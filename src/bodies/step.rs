@@ -74,7 +74,7 @@ pub struct Step {
     /// Integrator.
     pub integrator: Integrator,
     /// Factor of `M` in `A` of static steps, 1/s².
-    static_inertia: f64,
+    pub(super) static_inertia: f64,
 }
 
 impl Step {

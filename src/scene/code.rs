@@ -510,9 +510,9 @@ impl Scene {
         let refinements = scene.of("solver.refinements");
         let newton = self.in_full() || hyperelastic && self.newton();
         refinements.that(!newton || self.solver.refinements == 0, self.solver.refinements, "0 with Newton's method")?;
-        let correction = self.contact.map(|contact| contact.correction);
-        let unfit = hyperelastic::unfit_for_newton(&self.skins, correction, self.time.integrator);
-        if let Some(why) = unfit.filter(|_| self.solver.newton && self.skins.iter().any(hyperelastic::large_strain)) {
+        if let Some(why) =
+            self.unfit_for_newton().filter(|_| self.solver.newton && self.skins.iter().any(hyperelastic::large_strain))
+        {
             return Err(scene.of("solver.newton").refuse(format!("true, but {why}"), "false"));
         }
         let integrator = scene.of("time.integrator");

@@ -208,7 +208,7 @@ pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
     hyperelastic.into_iter().chain(others).collect()
 }
 
-/// Why steps cannot be solved to their nonlinear balance, or need not be asked to; `touching` is the correction of a scene with contact.
+/// Why steps cannot be solved to their nonlinear balance, or why asking is needless; `touching` is the correction of a scene with contact.
 pub(super) fn unfit_for_newton(
     skins: &[Skin],
     touching: Option<Correction>,
@@ -243,8 +243,9 @@ pub(super) fn fits(
         return Err(Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why });
     }
     let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
-    if asked.is_some() || hyperelastic && integrator.newton(false, touching.is_some()) {
-        let why = "steps that are solved to their nonlinear balance stop at the true residual already, and linear refinements would undo them";
+    let in_full = asked.is_some() && integrator == Integrator::ImplicitEuler;
+    if in_full || hyperelastic && integrator.newton(false, touching.is_some()) {
+        let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
         return match &solver.refinements {
             Some(rounds) if *rounds.get_ref() > 0 => scene.needless("refinements", &solver.refinements, why),
             _ => Ok(()),

@@ -173,7 +173,15 @@ impl Scene {
     /// Static steps always are.
     pub fn in_full(&self) -> bool {
         let implicit = self.time.integrator == Integrator::ImplicitEuler;
-        self.solver.newton && implicit && self.skins.iter().any(hyperelastic::large_strain)
+        let of_tetrahedra = self.skins.iter().any(|skin| matches!(skin.law, Law::LargeTetra { .. }));
+        let touched = self.contact.is_some() && self.skins.iter().any(hyperelastic::large_strain);
+        self.solver.newton && implicit && (touched || of_tetrahedra)
+    }
+
+    /// Why `solver.newton` does not go with the rest of the scene, if so.
+    pub(crate) fn unfit_for_newton(&self) -> Option<&'static str> {
+        let correction = self.contact.map(|contact| contact.correction);
+        hyperelastic::unfit_for_newton(&self.skins, correction, self.time.integrator)
     }
 
     /// Whether a tool carves space out of a deformable body.

@@ -10,7 +10,8 @@ pub use compliance::Compliance;
 pub(super) use known::Known;
 pub use start::{needs, start};
 
-use super::{MOST_IN_FULL, Part, StepReport};
+use super::in_full::NOT_IN_FULL;
+use super::{Part, StepReport};
 use crate::backend::{Backend, CORRECTION, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target, on_cpu};
 use crate::bodies::{self, Equations, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
 use crate::collide::broad::Boxes;
@@ -94,40 +95,6 @@ pub(super) enum Cut {
 /// its motion larger by that much. With 1 the passes on a stack of five blocks never converge; with this factor one suffices.
 const FLOATING_FACTOR: f64 = 1e-4;
 
-/// Relative pivot below which a rigid-body mode counts as unconstrained.
-const UNCONSTRAINED_PIVOT: f64 = 1e-9;
-
-/// Whether the body is floating: its constrained axes and rest-shape springs leave at least one of the six rigid-body modes unconstrained.
-fn floats(model: &Model) -> bool {
-    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over fixed axes, r the axis's value in the six modes; positions in units of the extent
-    let length = model.extent();
-    for (node, (dofs, rest)) in model.dofs.iter().zip(&model.rest).enumerate().filter(|(_, (dofs, _))| dofs[3] > 0.0) {
-        let on_spring = model.rest_springs.nodes.binary_search(&(node as u32)).is_ok();
-        let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
-        for axis in (0..3).filter(|axis| on_spring || dofs[*axis] == 0.0) {
-            let translation = DVec3::AXES[axis];
-            let rotation = at.cross(translation);
-            let row = [translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z];
-            (0..36).for_each(|k| seen[k / 6][k % 6] += row[k / 6] * row[k % 6]);
-        }
-    }
-    let largest = (0..6).map(|k| seen[k][k]).fold(0.0, f64::max);
-    for k in 0..6 {
-        // symmetric elimination with diagonal pivoting
-        let Some(pivot) = (k..6).max_by(|a, b| seen[*a][*a].total_cmp(&seen[*b][*b])) else { return true };
-        if seen[pivot][pivot] <= UNCONSTRAINED_PIVOT * largest {
-            return true;
-        }
-        seen.swap(k, pivot);
-        seen.iter_mut().for_each(|row| row.swap(k, pivot));
-        for i in k + 1..6 {
-            let factor = seen[i][k] / seen[k][k];
-            (k..6).for_each(|j| seen[i][j] -= factor * seen[k][j]);
-        }
-    }
-    false
-}
-
 /// Surroundings of the present step: faces near each tool, each other deformable body and each wall, and their positions.
 #[derive(Default)]
 pub(super) struct Located {
@@ -193,13 +160,8 @@ impl Body {
             gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
         }
         // model and initial state on the backend
-        let mut model = Model::new(scene, number)?;
+        let model = Model::new(scene, number)?;
         check_step(scene, &model)?;
-        let floats = floats(&model);
-        if floats {
-            let extent = model.extent();
-            model.step.yield_slowly(skin, extent);
-        }
         let needs = needs(scene, &model);
         let start = start(scene, &model);
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
@@ -209,6 +171,7 @@ impl Body {
         };
         // a floating body falls
         let part = scene.time.part();
+        let floats = model.floats();
         let fall = if floats { DVec3::from_array(scene.time.gravity).length() * part.powi(2) } else { 0.0 };
         let wound = Wound::new(&model);
         Ok(Self {
@@ -475,7 +438,7 @@ impl Body {
         let corrected = contact.is_some();
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
-        if self.in_full && report.newton_iterations <= MOST_IN_FULL {
+        if self.in_full && !report.warnings.contains_key(NOT_IN_FULL) {
             solved.equations = Equations::InFull;
         }
         // iterative refinement

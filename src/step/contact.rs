@@ -6,8 +6,9 @@ mod points;
 pub use points::{ContactPoint, PointKind};
 
 use super::body::{MOST_AT_ONCE, Solving};
+use super::in_full::{Next, add_up};
 use super::rows::Rows;
-use super::{Body, Part, Simulation, StepReport, add_up};
+use super::{Body, Part, Simulation, StepReport};
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
@@ -157,9 +158,12 @@ impl Simulation {
         if iterates && in_time && law.correction == Correction::Exact {
             self.predict(&mut problem, report);
         }
+        let clock = Instant::now();
         let mut ended = self.solve_unconstrained(&mut problem, None, report)?;
+        let (of_step, at_first) = (ended.clone(), problem.included.clone());
         let ties = problem.laws.iter().any(Law::is_constraint);
         let mut changed = true; // by the last solve of the unconstrained motion
+        let mut longest = Duration::ZERO;
         let (lambda, slips) = loop {
             let passes = report.contact.passes;
             let (lambda, slips) = match iterates {
@@ -171,11 +175,20 @@ impl Simulation {
                 }
             };
             // in full: again with the defect that these forces leave
-            if !self.goes_on(changed || report.contact.passes > passes, true, report)? {
-                break (lambda, slips);
-            }
-            problem.included = lambda;
-            let again = self.solve_unconstrained(&mut problem, Some(&ended), report)?;
+            longest = longest.max(clock.elapsed() / (1 + report.newton_iterations));
+            let before = match self.next(changed || report.contact.passes > passes, true, longest, report)? {
+                Next::End => break (lambda, slips),
+                Next::Again => {
+                    problem.included = lambda;
+                    Some(&of_step[..])
+                }
+                Next::Linearised => {
+                    problem.forget();
+                    problem.included.clone_from(&at_first);
+                    None
+                }
+            };
+            let again = self.solve_unconstrained(&mut problem, before, report)?;
             changed = add_up(&mut ended, &again);
         };
         self.move_tools(&problem, &lambda, report);

@@ -6,6 +6,7 @@
 //! start of the step, the step ends in an error that names it.
 
 use super::contact::Resolved;
+use super::in_full::NOT_IN_FULL;
 use super::{Refused, Simulation, StepReport};
 use crate::backend::FREE;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
@@ -75,6 +76,9 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Resolved> {
         report.warn("step_retried", 1);
+        if self.scene.in_full() && !report.warnings.contains_key(NOT_IN_FULL) {
+            report.warn(NOT_IN_FULL, 1); // by its linearisation
+        }
         // reset tools, warm starts and compliance
         self.tools.clone_from_slice(old);
         for body in &mut self.bodies {

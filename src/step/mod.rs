@@ -37,6 +37,7 @@ mod deadline;
 mod energy;
 mod find;
 mod finite;
+mod in_full;
 mod incise;
 mod probes;
 mod refused;
@@ -65,11 +66,12 @@ use body::Known;
 use contact::{NodeForces, Resolved};
 use deadline::Deadline;
 use glam::DVec3;
+use in_full::{Next, add_up};
 use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -106,7 +108,7 @@ pub struct StepReport {
     /// Rounds of iterative refinement.
     pub refinements: u32,
     /// Newton iterations of a nonlinear body, the maximum over bodies and substeps; in a step that is solved in full how often its defect was
-    /// evaluated.
+    /// evaluated, 12 times at most.
     pub newton_iterations: u32,
     /// Iterations of this step's accurate corrections, summed.
     pub correction_iterations: u32,
@@ -180,24 +182,12 @@ impl StepReport {
 /// Factor on the floor that allows for the rounding of a square and its root in f32.
 const AT_FLOOR: f64 = 1.0 + 1e-5;
 
-/// Most times that a step which is solved in full has its defect evaluated; 2 to 4 are usual, 8 where a sphere pressed deep is slid.
-const MOST_IN_FULL: u32 = 12;
-/// Trouble of a solve after which a static step has not ended: its contact is open.
-const OPEN: [&str; 2] = ["contact_not_converged", "contact_passes_exhausted"];
 /// Most linear solves, with their contact, of a static step.
 const MOST_STATIC: u32 = 1000;
 /// Most of them running that bring the step no nearer to balance: what is left is then rounding, or goes to and fro.
 const IDLE_STATIC: u32 = 200;
 /// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
 const NEARER: f64 = 0.99;
-
-/// Replaces the outcomes of solves by those of later ones, with the iterations of both; whether these have changed a solution.
-fn add_up(ended: &mut [Outcome], later: &[Outcome]) -> bool {
-    for (sum, later) in ended.iter_mut().zip(later) {
-        *sum = Outcome { iterations: sum.iterations + later.iterations, ..*later };
-    }
-    later.iter().any(|e| e.iterations > 0)
-}
 
 /// A running scene.
 pub struct Simulation {
@@ -430,7 +420,7 @@ impl Simulation {
             let (next, of_next) = self.solve_from(self.time, check && balanced)?;
             forces = of_next;
             solves += 1;
-            let open = OPEN.iter().any(|name| next.warnings.contains_key(name));
+            let open = refused::OPEN.iter().any(|name| next.warnings.contains_key(name));
             report.followed_by(next);
             let scale = report.contact.largest_on_tools();
             let change = before.iter().zip(&report.contact.on_tool);
@@ -442,8 +432,8 @@ impl Simulation {
             away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
             (nearest, idle) = if away < NEARER * nearest { (away, 0) } else { (nearest, idle + 1) };
         }
-        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: solves, left: away, tolerance }
-            .into())
+        let (at, time, fix) = (self.scene.at(STEP), self.time, refused::mends_balance(&report.warnings));
+        Err(Refused::NoBalance { at, time, iterations: solves, left: away, tolerance, fix }.into())
     }
 
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.
@@ -559,10 +549,17 @@ impl Simulation {
         let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, None, &[], &[], report)?.0));
         let mut ended = solves.collect::<Result<Vec<Outcome>>>()?;
         // in full: again with the defect that these increments leave
+        let (clock, of_step) = (Instant::now(), ended.clone());
         let mut changed = true;
-        while self.goes_on(changed, false, report)? {
-            let solves = self.bodies.iter_mut().zip(&ended).map(|(body, before)| match body.in_full {
-                true => Ok(body.solve_free(&solver, Some(*before), &[], &[], report)?.0),
+        loop {
+            let longest = clock.elapsed() / (1 + report.newton_iterations);
+            let next = self.next(changed, false, longest, report)?;
+            let (Next::Again | Next::Linearised) = next else { break };
+            let solves = self.bodies.iter_mut().zip(&of_step).map(|(body, before)| match body.in_full {
+                true => {
+                    let before = (next == Next::Again).then_some(*before);
+                    Ok(body.solve_free(&solver, before, &[], &[], report)?.0)
+                }
                 false => Ok(Outcome { iterations: 0, ..*before }),
             });
             let again = solves.collect::<Result<Vec<Outcome>>>()?;
@@ -575,28 +572,6 @@ impl Simulation {
             *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
         }
         Ok(Resolved { free: ended, forces: None, contact_forces: BTreeMap::new() })
-    }
-
-    /// Whether a step that is solved in full ([`Scene::in_full`]) goes on: its right-hand sides then have the defect of the linearisation at the
-    /// increment so far, of which the correction is part if `corrected`. It ends where one more solve and its contact have not `changed` that,
-    /// or when it is due. Where that does not come about, the step is solved as a linearised one after all, and counted: an increment that
-    /// does not converge may be worse.
-    fn goes_on(&mut self, changed: bool, corrected: bool, report: &mut StepReport) -> Result<bool> {
-        let so_far = report.newton_iterations;
-        let due = self.deadline.excludes_pass(Instant::now(), Duration::ZERO);
-        if !self.scene.in_full() || due || so_far > MOST_IN_FULL || !(changed || so_far == 0) {
-            return Ok(false);
-        }
-        report.newton_iterations += 1;
-        let given_up = so_far == MOST_IN_FULL;
-        report.warn("newton_not_converged", u32::from(given_up));
-        for body in self.bodies.iter_mut().filter(|body| body.in_full) {
-            match given_up {
-                true => body.begin(&self.scene, self.time)?,
-                false => body.backend.add_defect(corrected)?,
-            }
-        }
-        Ok(true)
     }
 
     /// Sums up the solves of the unconstrained motion: most iterations, worst residual.

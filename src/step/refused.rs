@@ -1,5 +1,7 @@
 //! Errors of making, changing, restoring and stepping a simulation.
 
+use super::Warnings;
+
 /// See the module.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Refused {
@@ -59,7 +61,7 @@ pub enum Refused {
     /// Static step without balance.
     #[error(
         "{at}: the static step to {time} s is not in balance after {iterations} iterations: {left:.1e} of the forces are left, and the \
-         tolerance is {tolerance:.1e}; take shorter steps, hold what slides or turns away, or a larger tolerance"
+         tolerance is {tolerance:.1e}; {fix}"
     )]
     NoBalance {
         /// Where.
@@ -72,6 +74,8 @@ pub enum Refused {
         left: f64,
         /// Solver's tolerance.
         tolerance: f64,
+        /// What may mend it.
+        fix: &'static str,
     },
 
     /// Non-finite state that ends a run.
@@ -88,4 +92,18 @@ pub enum Refused {
         /// Advice.
         fix: &'static str,
     },
+}
+
+/// Warnings that keep a static step from ending: its contact is open.
+pub(super) const OPEN: [&str; 2] = ["contact_not_converged", "contact_passes_exhausted"];
+
+/// What may bring a static step with these warnings into balance.
+pub(super) fn mends_balance(warnings: &Warnings) -> &'static str {
+    if warnings.contains_key("contacts_dropped") {
+        "raise max_contacts of [contact], which has had contacts dropped"
+    } else if OPEN.iter().any(|name| warnings.contains_key(name)) {
+        "its contact is still open: raise max_passes of [contact], or hold what slides or turns away"
+    } else {
+        "take shorter steps, hold what slides or turns away, or a larger tolerance"
+    }
 }

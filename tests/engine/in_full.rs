@@ -135,7 +135,12 @@ fn tetrahedra_that_nothing_touches_are_solved_in_full() {
     (scene.contact, scene.time.gravity) = (None, [2000.0, 0.0, -6000.0]);
     scene.probes.clear();
     scene.checks.clear();
-    let left = |scene: &Scene| steps(scene, &Platform::Cpu64, 5).iter().map(|r| r.law_residual).fold(0.0, f64::max);
+    let left = |scene: &Scene| {
+        let reports = steps(scene, &Platform::Cpu64, 5);
+        let in_full = |r: &StepReport| (r.newton_iterations > 0) == scene.solver.newton;
+        assert!(reports.iter().all(|r| r.warnings.is_empty() && in_full(r)));
+        reports.iter().map(|r| r.law_residual).fold(0.0, f64::max)
+    };
     let found = left(&scene);
     println!("{found:e}");
     assert!(found < 2.0 * scene.solver.tolerance, "{found:e}");
@@ -162,4 +167,23 @@ fn a_step_that_does_not_converge_in_full_is_the_linearised_one() {
     let step = first.expect("the sphere is thrown at the skin");
     let [linear, full] = [linear, full].map(|of_steps| of_steps[step].expect("it has met the skin")[2]);
     assert!(none.is_none() && linear > 0.1 && (full / linear - 1.0).abs() < 1e-2, "{full} N, linearised {linear} N");
+}
+
+/// A blade's cut splits cells and adds nodes, for which defects are evaluated as well.
+#[test]
+fn steps_in_full_go_on_through_a_cut() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
+    let mut scene = read(&path).unwrap_or_else(|e| panic!("{e}")).in_test_form();
+    let severed = |scene: &Scene| {
+        let reports = steps(scene, &Platform::Cpu64, scene.time.steps());
+        let first = reports.iter().position(|r| r.severed > 0).expect("the blade cuts");
+        assert!(reports.iter().all(|r| r.warnings.is_empty()));
+        let left = reports[first + 1..].iter().map(|r| r.law_residual).fold(0.0, f64::max);
+        (reports.iter().map(|r| r.severed).sum::<u32>(), left)
+    };
+    let (linear, left_linear) = severed(&scene);
+    scene.solver.newton = true;
+    let (full, left) = severed(&scene);
+    println!("{linear} links and {left_linear:e} left, in full {full} and {left:e}");
+    assert!(full.abs_diff(linear) <= 2 && left < 2.0 * scene.solver.tolerance && left_linear > 2.0 * left);
 }

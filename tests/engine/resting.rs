@@ -62,6 +62,20 @@ fn a_block_at_rest_on_a_floor_is_borne_by_it() {
     let (report, _) =
         step(&scene(&format!("{}{FRICTION}", FLOOR.replace("0.0, 0.0, 0.0", "0.0, 0.0, -50.0")))).expect("a floor");
     assert!((report.contact.force(BodyId::Deformable(0), None).z / WEIGHT - 1.0).abs() < 1e-3);
+    // a finer one, with as many contacts as nodes
+    let fine = |most: u32| {
+        let mut scene = scene(&format!("{FLOOR}{FRICTION}"));
+        scene.skins[0].cells = [6, 6];
+        scene.contact.as_mut().expect("it has contact").max_contacts = most;
+        step(&scene)
+    };
+    let (report, _) = fine(100).expect("the floor holds it");
+    assert!((report.contact.force(BodyId::Deformable(0), None).z / WEIGHT - 1.0).abs() < 1e-3);
+    // it tumbles on too few of them, which is said
+    match fine(8) {
+        Ok((report, _)) => assert!(report.warnings.contains_key("contacts_dropped"), "{:?}", report.warnings),
+        Err(refused) => assert!(refused.to_string().contains("max_contacts"), "{refused}"),
+    }
     // the counter-test: beside a wall there is no balance
     let far = FLOOR.replace("0.0, 0.0, 1.0", "1.0, 0.0, 0.0").replace("0.0, 0.0, 0.0", "-50.0, 0.0, 0.0");
     let refused = step(&scene(&format!("{far}{FRICTION}"))).expect_err("it falls").to_string();

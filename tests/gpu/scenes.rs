@@ -16,6 +16,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
     ("a_sphere_presses_hyperelastic_skin_as_on_the_cpu", a_sphere_presses_hyperelastic_skin_as_on_the_cpu),
     ("steps_in_full_end_as_on_the_cpu", steps_in_full_end_as_on_the_cpu),
+    ("steps_in_full_go_on_after_a_cut", steps_in_full_go_on_after_a_cut),
     ("a_run_goes_on_from_its_state_bit_for_bit", a_run_goes_on_from_its_state_bit_for_bit),
     ("bodies_and_simulations_share_a_device", bodies_and_simulations_share_a_device),
     ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
@@ -44,7 +45,7 @@ fn forces(platform: &Platform) -> Result<Vec<f64>, Failure> {
     Ok(last)
 }
 
-/// A sphere pressed into skin of three laws: forces of the CPU path, and what steps leave of the law; without `newton` much is left.
+/// A sphere pressed into skin of two laws: forces of the CPU path, and what steps leave of the law; without `newton` much is left.
 fn steps_in_full_end_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/press_slide.toml");
     let material = Material::NeoHookean;
@@ -76,6 +77,30 @@ fn steps_in_full_end_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// Steps of the incision up to its first cut and three more, which have split cells.
+fn steps_in_full_go_on_after_a_cut(gpu: &Gpu) -> Result<(), Failure> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
+    let mut scene = read(&path)?.in_test_form();
+    scene.solver.newton = true;
+    let mut simulation = Simulation::new(&scene, &platform(gpu))?;
+    let (mut severed, mut after) = (0, 0);
+    for _ in 0..scene.time.steps() {
+        let report = simulation.step(severed > 0)?;
+        if severed > 0 {
+            after += 1;
+            let left = report.law_residual.max(report.true_residual.unwrap_or(f64::NAN));
+            if !(left < 2.0 * scene.solver.tolerance && report.warnings.is_empty()) {
+                return Err(format!("{left:e} of the law is left after a cut, {:?}", report.warnings).into());
+            }
+        }
+        severed += report.severed;
+        if after == 3 {
+            return Ok(());
+        }
+    }
+    Err(format!("{severed} links cut, {after} steps after that").into())
 }
 
 fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {

@@ -218,6 +218,9 @@ fn neo_hookean_skin_takes_any_steps_and_newtons_method_no_refinements() {
 #[test]
 fn steps_with_contact_are_solved_in_full_where_asked() {
     let text = FULL.replace("element = \"bbar\"\n", "").replace("law = \"linear\"", "law = \"neo_hookean\"");
+    let uncoupled = parsed(&text.replace("[solver]\n", "[solver]\nnewton = true\n"));
+    says(&uncoupled.expect_err("it has no exact correction").to_string(), "newton … correction");
+    let text = text.replace("correction = \"uncoupled\"", "correction = \"exact\"");
     let with = |solver: &str, contact: &str| {
         let text = text.replace("[solver]\n", &format!("[solver]\n{solver}\n"));
         parsed(&text.replace("[contact]\n", &format!("[contact]\n{contact}\n")))

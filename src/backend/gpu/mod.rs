@@ -45,7 +45,7 @@ pub struct GpuBackend {
     max_iterations: u32,
     interrupt: Arc<AtomicBool>,
     floor: f64,
-    expected: [u32; 2],
+    expected: [u32; 3], // iterations of the last solve of a step's motion, of the correction, and of the motion again
     pending: Option<Batch>,
     unread: Option<u32>, // explicit bodies: steps submitted since the last wait
     rows_pending: bool,
@@ -179,7 +179,7 @@ impl GpuBackend {
             max_iterations,
             interrupt: Arc::default(),
             floor,
-            expected: [8, 8],
+            expected: [8; 3],
             pending: None,
             unread: explicit.then_some(0),
             rows_pending: false,

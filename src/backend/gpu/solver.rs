@@ -175,7 +175,8 @@ impl GpuBackend {
         let last_bytes = 16 * self.solver.in_use.nodes as u64;
         let (from, bytes) = (self.offset(first), self.offset(rows as usize - 1) + last_bytes);
         batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
-        let kind = usize::from(only_correction);
+        let again = requests.iter().all(|w| w.slot == FREE && !matches!(w.target, Target::OfLoad(_)));
+        let kind = if again { 2 } else { usize::from(only_correction) };
         // the residual of the initial guess takes one additional product
         let [spare, again] = self.solver.spare;
         let most = requests.iter().map(|w| w.target.iterations(self.max_iterations)).max().unwrap_or(0);

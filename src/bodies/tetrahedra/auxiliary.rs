@@ -125,6 +125,7 @@ impl Auxiliary {
             (Some(cover), Some(mesh)) => cover.fill(model, of, mesh),
             _ => Self::same_nodes(model, of),
         };
+        out.model.step.static_inertia = of.step.static_inertia;
         out.take_masses(of);
         Ok(out)
     }

@@ -323,6 +323,7 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
             contact.tolerance = contact.tolerance.min(EXACT_CONTACT);
         }
     }
+    out.solver.newton &= out.unfit_for_newton().is_none();
     Ok(out)
 }
 

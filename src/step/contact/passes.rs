@@ -65,6 +65,9 @@ const LEFT: f64 = 0.1;
 /// Share of a row's own compliance by the columns that the updates leave: without any, a row could bear no force.
 const LEFT_OF_ROW: f64 = 1e-2;
 
+/// Warnings of the passes: they were used up, their last solve has not converged, rows have no compliance.
+const WARNINGS: [&str; 3] = ["contact_passes_exhausted", "contact_not_converged", "contact_rows_dropped"];
+
 fn norm(a: &[f64]) -> f64 {
     inner_product(a, a).sqrt()
 }
@@ -135,6 +138,12 @@ impl Problem<'_> {
                 line[i] = line[i].max(LEFT_OF_ROW * self.columns[i * (rows + 1)]);
             }
         }
+    }
+
+    /// Forgets the observations of the passes so far.
+    pub(super) fn forget(&mut self) {
+        self.observations.clear();
+        self.update_compliance();
     }
 
     /// Relative change from the included forces that needs no correction: forces must not lag behind by the tolerance where nothing changes
@@ -231,6 +240,8 @@ impl Simulation {
     ) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
         let earlier = report.contact.passes;
+        // what the passes of an earlier repetition had left
+        report.warnings.retain(|name, _| !WARNINGS.contains(name));
         // a first touch of little force is not negligible
         let mut least = 0.0;
         let slips = problem.slips_after(&problem.included, &[]);
@@ -244,8 +255,7 @@ impl Simulation {
         let pass = loop {
             if !pass.solved && !problem.observations.is_empty() {
                 // the observations of several passes need not agree on one compliance
-                problem.observations.clear();
-                problem.update_compliance();
+                problem.forget();
                 pass = problem.evaluate(pass.lambda, pass.slips, least, &mut report.costs);
             }
             // solve aged columns anew where convergence is slow
@@ -313,9 +323,9 @@ impl Simulation {
         self.deadline.end_passes(Instant::now(), longest);
         let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
         report.contact.shortened = late && perceptible;
-        report.warn("contact_passes_exhausted", u32::from(exhausted && perceptible));
-        report.warn("contact_not_converged", u32::from(!pass.solved && perceptible && !report.contact.shortened));
-        report.warn("contact_rows_dropped", pass.residual.dropped);
+        report.warn(WARNINGS[0], u32::from(exhausted && perceptible));
+        report.warn(WARNINGS[1], u32::from(!pass.solved && perceptible && !report.contact.shortened));
+        report.warn(WARNINGS[2], pass.residual.dropped);
         report.contact.residual = pass.relative_change;
         (report.contact.residual_n, report.contact.residual_m) = (pass.residual.force, pass.residual.gap);
         Ok((pass.lambda, pass.slips))
