@@ -3,9 +3,7 @@
 use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
-use super::text::{
-    Bound, DEGREE, GRAM, MM, NEWTON, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, Taken, normalized, or, or_vector,
-};
+use super::text::{SceneText, Taken, normalized, or};
 use super::{Attachment, BodyId, Coupling, Motion, Plane, Pose, Round, Skin, Slide, Tool, ToolMesh, round};
 use glam::{DQuat, DVec3};
 
@@ -72,30 +70,28 @@ pub(super) fn rigids(scene: &SceneText, raw: Vec<Table<raw::Rigid>>, taken: &mut
 fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Taken) -> Result<Tool> {
     let raw = table.keys;
     let name = scene.name("body", &raw.name, taken)?;
-    let mass = scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?;
+    let mass = scene.number(&raw::Rigid::mass_g, &raw.mass_g)?;
     // shape and inertia
     let (round, cuboid, inertia) = match (&raw.box_mm, &raw.radius_mm) {
         (Some(edges), radius) => {
             scene.needless("radius_mm", radius, "`box_mm` already gives the shape")?;
-            let [a, b, c]: [f64; 3] = scene.vector("box_mm", edges, MM, Bound::Positive)?;
+            let [a, b, c] = scene.vector(&raw::Rigid::box_mm, edges)?;
             let inertia = [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| mass * square / 12.0);
             (None, Some([a, b, c].map(|edge| 0.5 * edge)), inertia)
         }
         (None, radius) => {
             let why = "a rigid body is a box (`box_mm`, its edges) or a sphere (`radius_mm`)";
             let radius = scene.required("box_mm", radius.as_ref(), table.span, why)?;
-            let radius = scene.number("radius_mm", radius, MM, Bound::Positive)?;
+            let radius = scene.number(&raw::Rigid::radius_mm, radius)?;
             (Some(Round { radius, ends: [[0.0; 3]; 2] }), None, [0.4 * mass * radius * radius; 3])
         }
     };
     // initial pose and motion
-    let position = scene.vector("position_mm", &raw.position_mm, MM, Bound::Finite)?;
-    let turn: [f64; 3] = scene.vector("turn_deg", &or_vector(raw.turn_deg, &[0.0; 3]), DEGREE, Bound::Finite)?;
+    let position = scene.vector(&raw::Rigid::position_mm, &raw.position_mm)?;
+    let turn = scene.vector_or(&raw::Rigid::turn_deg, raw.turn_deg)?;
     let turn = DVec3::from_array(turn.map(f64::to_radians));
-    let zero = [0.0; 3];
-    let velocity = scene.vector("velocity_m_s", &or_vector(raw.velocity_m_s, &zero), SPEED, Bound::Finite)?;
-    let angular_velocity =
-        scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
+    let velocity = scene.vector_or(&raw::Rigid::velocity_m_s, raw.velocity_m_s)?;
+    let angular_velocity = scene.vector_or(&raw::Rigid::spin_rad_s, raw.spin_rad_s)?;
     Ok(Tool {
         name,
         mesh: match (&round, cuboid) {
@@ -122,11 +118,11 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Taken) -> Resu
 pub(super) fn planes(scene: &SceneText, raw: Vec<Table<raw::Plane>>, taken: &mut Taken) -> Result<Vec<Plane>> {
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
-        let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
+        let normal = normalized(scene.vector(&raw::Plane::normal, &raw.normal)?);
         let none = || Invalid::NoDirection { at: scene.location(raw.normal.span()), key: "normal" };
         Ok(Plane {
             name: scene.name("body", &raw.name, taken)?,
-            through: scene.vector("through_mm", &raw.through_mm, MM, Bound::Finite)?,
+            through: scene.vector(&raw::Plane::through_mm, &raw.through_mm)?,
             normal: normal.ok_or_else(none)?,
         })
     };
@@ -170,12 +166,12 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
 
 /// The path of an attachment.
 fn slide(scene: &SceneText, along: &Numbers, friction: Option<At<f64>>, resistance: Option<At<f64>>) -> Result<Slide> {
-    let direction = normalized(scene.vector("slide", along, PLAIN, Bound::Finite)?);
+    let direction = normalized(scene.vector(&raw::Attach::slide, along)?);
     let none = || Invalid::NoDirection { at: scene.location(along.span()), key: "slide" };
     Ok(Slide {
         direction: direction.ok_or_else(none)?,
-        friction: scene.number("friction", &or(friction, 0.0), PLAIN, Bound::NotNegative)?,
-        resistance: scene.number("resistance_n", &or(resistance, 0.0), NEWTON, Bound::NotNegative)?,
+        friction: scene.number(&raw::Attach::friction, &or(friction, 0.0))?,
+        resistance: scene.number(&raw::Attach::resistance_n, &or(resistance, 0.0))?,
     })
 }
 

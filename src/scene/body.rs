@@ -5,13 +5,10 @@ use super::files::Files;
 use super::grid;
 use super::hyperelastic;
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At, Table};
+use super::raw::{self, At, Number, Row, Table};
 use super::tetrahedral::{self, Wanted};
-use super::text::{
-    Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, Taken, or,
-    or_vector,
-};
-use super::words::{ELEMENTS, TETRAHEDRA};
+use super::text::{SceneText, Taken, or};
+use super::words::TETRAHEDRA;
 use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Material, Skin, TetrahedralMesh};
 use crate::math::elementary::cbrt;
 use std::ops::Range;
@@ -55,7 +52,7 @@ pub(super) fn skin(
                 scene.required("name", raw.name.as_ref(), table.span.clone(), "a block is called by its name")?;
             let why = "a block stands where it is put: the middle of its bottom";
             let position = scene.required("position_mm", raw.position_mm.as_ref(), table.span.clone(), why)?;
-            (scene.name("body", word, taken)?, scene.vector("position_mm", position, MM, Bound::Finite)?)
+            (scene.name("body", word, taken)?, scene.vector(&raw::Skin::position_mm, position)?)
         }
         None => {
             let why = "the `[skin]` is called skin and stands at the origin; other bodies are `[[block]]`s";
@@ -96,25 +93,19 @@ pub(super) fn skin(
         layer(scene, layer_table, name, color, &law, &form)
     });
     let layers = layers.collect::<Result<Vec<_>>>()?;
-    // the remaining keys
-    let zero = [0.0; 3];
-    let drag = or(raw.rayleigh_mass_per_s, 0.01);
-    let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
-    let velocity = or_vector(raw.velocity_m_s, &zero);
-    let displacement = or_vector(raw.displacement_mm, &zero);
     // size and cells of the grid, around the surface if there is one
     let (size, cells) = match &mesh {
         Some(mesh) => (std::array::from_fn(|axis| mesh.size()[axis]), [0; 2]),
         None => {
             let why = "a grid asks for it; a body of tetrahedra from a file has `mesh` in its place";
             let cells_text = scene.required("cells", raw.cells.as_ref(), table.span.clone(), why)?;
-            let cells = scene.counts("cells", cells_text, [1, u32::MAX])?;
+            let cells = scene.counts(&raw::Skin::cells, cells_text)?;
             grid::numbered(scene, cells, &counts, cells_text)?;
             let (size, size_at) = match (&raw.size_mm, &embedded) {
                 (None, Some(surface)) => (std::array::from_fn(|axis| surface.size()[axis]), cells_text.span()),
                 (size_text, _) => {
                     let size_text = scene.required("size_mm", size_text.as_ref(), table.span.clone(), why)?;
-                    (scene.vector("size_mm", size_text, MM, Bound::Positive)?, size_text.span())
+                    (scene.vector(&raw::Skin::size_mm, size_text)?, size_text.span())
                 }
             };
             grid::not_slender(scene, (size, size_at.clone()), cells, &layers, &thicknesses)?;
@@ -152,10 +143,10 @@ pub(super) fn skin(
         law,
         mass,
         cut,
-        rayleigh_mass: scene.number("rayleigh_mass_per_s", &drag, PER_SECOND, Bound::NotNegative)?,
-        rayleigh_stiffness: scene.number("rayleigh_stiffness_s", &stiffness, SECOND, Bound::NotNegative)?,
-        velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
-        displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
+        rayleigh_mass: scene.number_or(&raw::Skin::rayleigh_mass_per_s, raw.rayleigh_mass_per_s)?,
+        rayleigh_stiffness: scene.number_or(&raw::Skin::rayleigh_stiffness_s, raw.rayleigh_stiffness_s)?,
+        velocity: scene.vector_or(&raw::Skin::velocity_m_s, raw.velocity_m_s)?,
+        displacement: scene.vector_or(&raw::Skin::displacement_mm, raw.displacement_mm)?,
         start,
     })
 }
@@ -179,7 +170,7 @@ fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<Tetr
         scene.needless("thickness_mm", &layer.thickness_mm, why)?;
         scene.needless("cells", &layer.cells, why)?;
     }
-    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
+    let unit = scene.number(&raw::Skin::mesh_unit_mm, &or(raw.mesh_unit_mm.clone(), 1.0))?;
     let wanted: Vec<Wanted> = layers().map(|layer| Wanted { name: &layer.name, group: &layer.group }).collect();
     tetrahedral::read(scene, files, name, unit, &wanted).map(Some)
 }
@@ -187,7 +178,7 @@ fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<Tetr
 /// The surface of a mesh file that is embedded in the body's grid; none of other bodies.
 fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Result<Option<ClosedSurface>> {
     let (Some(name), Some(word)) = (&raw.mesh, &raw.embed) else { return Ok(None) };
-    scene.choice("embed", word, &[("bricks", ())])?;
+    scene.choice(&raw::Skin::embed, word)?;
     let refuse = |text: Option<&At<String>>, key: &str, fix| {
         let text = text.unwrap_or(word);
         let what =
@@ -210,20 +201,20 @@ fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Res
     let why = "a body with `embed` is not cut";
     scene.needless("cut", &raw.cut, why)?;
     scene.needless("cut_reserve_columns", &raw.cut_reserve_columns, why)?;
-    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
+    let unit = scene.number(&raw::Skin::mesh_unit_mm, &or(raw.mesh_unit_mm.clone(), 1.0))?;
     embedded::read(scene, files, name, unit).map(Some)
 }
 
 fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     // constants of springs, and whose law they belong to
-    let number = |key, value: &Option<At<f64>>, unit, bound| match value {
-        Some(value) => scene.number(key, value, unit, bound).map(Some),
+    let number = |row: Row<Number>, value: &Option<At<f64>>| match value {
+        Some(value) => scene.number(&row, value).map(Some),
         None => Ok(None),
     };
-    let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
-    let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
+    let stiffness = number(raw::Skin::spring_stiffness_n_m, &raw.spring_stiffness_n_m)?;
+    let damping = number(raw::Skin::spring_damping_n_s_m, &raw.spring_damping_n_s_m)?;
     let element = |default: &str, known: &[(&str, Element)]| {
-        scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
+        scene.among("element", &or(raw.element.clone(), default.to_string()), known)
     };
     // springs
     let network = || {
@@ -243,9 +234,9 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     if raw.mesh.is_some() && raw.embed.is_none() {
         let element = element("tetra", &TETRAHEDRA)?;
         let of_springs = Law::Springs { stiffness: None, damping: 0.0 };
-        let name = or(raw.law.clone(), "neo_hookean".to_string());
+        let name = raw::Skin::law.or(raw.law.clone());
         let known = [&hyperelastic::laws_of_tetrahedra(element)[..], &[("springs", of_springs)]].concat();
-        let law = scene.choice("law", &name, &known)?;
+        let law = scene.among("law", &name, &known)?;
         if !matches!(law, Law::Springs { .. }) {
             return Ok(law);
         }
@@ -253,9 +244,9 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         scene.needless("element", &raw.element, why)?;
         return network();
     }
-    let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
-    let name = or(raw.law.clone(), "neo_hookean".to_string());
-    let mut law = scene.choice("law", &name, &hyperelastic::laws(element))?;
+    let element = element("bbar", raw::Skin::element.range.0)?;
+    let name = raw::Skin::law.or(raw.law.clone());
+    let mut law = scene.among("law", &name, &hyperelastic::laws(element))?;
     if let (Law::Hyperelastic(material), Element::Tetra | Element::PlainTetra) = (law, element)
         && material != Material::Holzapfel
         && raw.embed.is_none()
@@ -276,9 +267,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
 
 /// Reads `start` and its keys.
 fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Start> {
-    let word = or(raw.start.clone(), "rest".to_string());
-    let known = ["rest", "random", "flat", "inside_out", "twist"].map(|word| (word, word));
-    let word = scene.choice("start", &word, &known)?;
+    let word = scene.choice_or(&raw::Skin::start, raw.start.clone())?;
     if word != "random" {
         scene.needless("start_mm", &raw.start_mm, "it belongs to start = \"random\"")?;
         scene.needless("start_seed", &raw.start_seed, "it belongs to start = \"random\"")?;
@@ -291,8 +280,8 @@ fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Star
             let why = "start = \"random\" puts nodes off their rest positions by up to start_mm";
             let amplitude = scene.required("start_mm", raw.start_mm.clone(), table, why)?;
             Start::Random {
-                amplitude: scene.number("start_mm", &amplitude, MM, Bound::Positive)?,
-                seed: *or(raw.start_seed.clone(), 1).get_ref(),
+                amplitude: scene.number(&raw::Skin::start_mm, &amplitude)?,
+                seed: scene.count(&raw::Skin::start_seed, &or(raw.start_seed.clone(), 1))?,
             }
         }
         "flat" => Start::Flat,
@@ -300,7 +289,7 @@ fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Star
         "twist" => {
             let why = "start = \"twist\" turns the top by start_deg";
             let angle = scene.required("start_deg", raw.start_deg.clone(), table, why)?;
-            Start::Twist(scene.number("start_deg", &angle, DEGREE, Bound::Finite)?.to_radians())
+            Start::Twist(scene.number(&raw::Skin::start_deg, &angle)?.to_radians())
         }
         _ => Start::Rest,
     })
@@ -324,13 +313,12 @@ fn cut(scene: &SceneText, word: &Option<At<String>>, reserve: &Option<At<u32>>, 
         scene.needless("cut_reserve_columns", reserve, why)?;
         return Ok(Cut::Remove);
     }
-    let name = or(word.clone(), "split".to_string());
-    if scene.choice("cut", &name, &[("split", false), ("remove", true)])? {
+    if scene.choice_or(&raw::Skin::cut, word.clone())? {
         scene.needless("cut_reserve_columns", reserve, "cut = \"remove\" splits nothing")?;
         return Ok(Cut::Remove);
     }
     let reserve = or(reserve.clone(), enough);
-    Ok(Cut::Split { reserve_columns: scene.count("cut_reserve_columns", &reserve, [1, u32::MAX])? })
+    Ok(Cut::Split { reserve_columns: scene.count(&raw::Skin::cut_reserve_columns, &reserve)? })
 }
 
 /// The reserve of a cut must be numbered with the grid.
@@ -352,9 +340,8 @@ fn reserved(scene: &SceneText, cut: Cut, cells: [u32; 2], layers: &[Layer], key:
 }
 
 fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
-    let name = or(raw.mass.clone(), "lumped".to_string());
-    let known = [("lumped", Mass::Lumped), ("uniform", Mass::Uniform), ("consistent", Mass::Consistent)];
-    let mass = scene.choice("mass", &name, &known)?;
+    let name = raw::Skin::mass.or(raw.mass.clone());
+    let mass = scene.choice(&raw::Skin::mass, &name)?;
     if mass == Mass::Consistent && !matches!(law, Law::Fem { .. }) {
         return Err(Invalid::Mass { at: scene.location(name.span()), found: name.get_ref().clone() });
     }
@@ -395,19 +382,17 @@ fn layer(
             (Form::Surface(height), None) => *height,
             (_, text) => {
                 let text = scene.required("thickness_mm", text.as_ref(), at.clone(), why)?;
-                scene.number("thickness_mm", text, MM, Bound::Positive)?
+                scene.number(&raw::Layer::thickness_mm, text)?
             }
         };
         let cells = scene.required("cells", raw.cells.as_ref(), at, why)?;
-        (thickness, scene.count("cells", cells, [1, u32::MAX])?)
+        (thickness, scene.count(&raw::Layer::cells, cells)?)
     };
     if !matches!(law, Law::Springs { .. }) {
         scene.needless("break_strain", &raw.break_strain, "springs break, of law = \"springs\"")?;
     }
-    let limit = |text: &At<f64>| scene.number("break_strain", text, PLAIN, Bound::Positive);
+    let limit = |text: &At<f64>| scene.number(&raw::Layer::break_strain, text);
     let break_strain = raw.break_strain.as_ref().map_or(Ok(f64::INFINITY), limit)?;
-    let toughness = or(raw.toughness_kj_m2, 2.0);
-    let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
         name,
         thickness,
@@ -416,9 +401,9 @@ fn layer(
         poisson: constants.poisson,
         second_share: constants.second_share,
         fibres,
-        density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
-        pre_strain: scene.vector("pre_strain", &pre_strain, PLAIN, Bound::Strain)?,
-        toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,
+        density: scene.number(&raw::Layer::density_kg_m3, &raw.density_kg_m3)?,
+        pre_strain: scene.vector_or(&raw::Layer::pre_strain, raw.pre_strain)?,
+        toughness: scene.number_or(&raw::Layer::toughness_kj_m2, raw.toughness_kj_m2)?,
         break_strain,
         color: raw.color.map_or(Ok(color), |text| srgb(scene, &text))?,
     })

@@ -2,9 +2,9 @@
 
 use super::invalid::{Invalid, Result};
 use super::limits::{LONGEST, MOST_NODES};
-use super::raw::{At, Extent, Points};
+use super::raw::{self, At, Extent, Points};
 use super::region::{ACROSS, CellFace, SLACK};
-use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
+use super::text::{SceneText, in_mm, normalized};
 use super::{ClosedSurface, Layer, Region, Skin, TestForm, TetrahedralMesh};
 use std::ops::Range;
 
@@ -325,27 +325,7 @@ pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -
 
 /// Region of the given name; it must contain a node of each grid.
 pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid<'a>]) -> Result<Region> {
-    // words, with the regions that have no keys
-    let known = [
-        ("bottom", Some(Region::Bottom)),
-        ("top", Some(Region::Top)),
-        ("sides", Some(Region::Sides)),
-        ("sides_x", Some(Region::SidesX)),
-        ("sides_y", Some(Region::SidesY)),
-        ("side_x_min", Some(Region::SideXMin)),
-        ("side_x_max", Some(Region::SideXMax)),
-        ("side_y_min", Some(Region::SideYMin)),
-        ("side_y_max", Some(Region::SideYMax)),
-        ("all", Some(Region::All)),
-        ("box", None),
-        ("sphere", None),
-        ("plane", None),
-        ("bottom_rim", None),
-        ("bottom_core", None),
-        ("group", None),
-    ];
-    let words: Vec<(&str, (&str, &Option<Region>))> = known.iter().map(|(word, of)| (*word, (*word, of))).collect();
-    let (word, whole) = scene.choice("region", name, &words)?;
+    let word = scene.choice(&raw::Boundary::region, name)?;
     let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm, group } = &extent;
     // keys of other regions
     if word != "group" {
@@ -366,11 +346,18 @@ pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, g
     if !word.starts_with("bottom_") {
         scene.needless("margin_mm", margin_mm, "it belongs to region = \"bottom_rim\" and \"bottom_core\"")?;
     }
-    if let Some(region) = whole {
-        return Ok(region.clone());
-    }
-    // regions with keys of their own
+    // regions without keys, then those with keys of their own
     let region = match word {
+        "bottom" => return Ok(Region::Bottom),
+        "top" => return Ok(Region::Top),
+        "sides" => return Ok(Region::Sides),
+        "sides_x" => return Ok(Region::SidesX),
+        "sides_y" => return Ok(Region::SidesY),
+        "side_x_min" => return Ok(Region::SideXMin),
+        "side_x_max" => return Ok(Region::SideXMax),
+        "side_y_min" => return Ok(Region::SideYMin),
+        "side_y_max" => return Ok(Region::SideYMax),
+        "all" => return Ok(Region::All),
         "box" => return within_box(scene, name, box_mm, grids),
         "group" => {
             let why = "region = \"group\" asks for `group`, the name of a physical group of the mesh";
@@ -392,8 +379,8 @@ pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, g
             let centre = scene.required("centre_mm", centre_mm.as_ref(), name.span(), why)?;
             let radius = scene.required("radius_mm", radius_mm.as_ref(), name.span(), why)?;
             Region::Sphere {
-                centre: scene.vector("centre_mm", centre, MM, Bound::Finite)?,
-                radius: scene.number("radius_mm", radius, MM, Bound::Positive)?,
+                centre: scene.vector(&raw::Boundary::centre_mm, centre)?,
+                radius: scene.number(&raw::Boundary::radius_mm, radius)?,
             }
         }
         "plane" => {
@@ -401,18 +388,18 @@ pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, g
             let through = scene.required("through_mm", through_mm.as_ref(), name.span(), why)?;
             let normal = scene.required("normal", normal.as_ref(), name.span(), why)?;
             let within = scene.required("within_mm", within_mm.as_ref(), name.span(), why)?;
-            let direction = normalized(scene.vector("normal", normal, PLAIN, Bound::Finite)?);
+            let direction = normalized(scene.vector(&raw::Boundary::normal, normal)?);
             let none = || Invalid::NoDirection { at: scene.location(normal.span()), key: "normal" };
             Region::Plane {
-                through: scene.vector("through_mm", through, MM, Bound::Finite)?,
+                through: scene.vector(&raw::Boundary::through_mm, through)?,
                 normal: direction.ok_or_else(none)?,
-                within: scene.number("within_mm", within, MM, Bound::NotNegative)?,
+                within: scene.number(&raw::Boundary::within_mm, within)?,
             }
         }
         _ => {
             let why = "the rim is what lies within margin_mm of the sides, the core the rest";
             let margin = scene.required("margin_mm", margin_mm.as_ref(), name.span(), why)?;
-            let margin = scene.number("margin_mm", margin, MM, Bound::NotNegative)?;
+            let margin = scene.number(&raw::Boundary::margin_mm, margin)?;
             if word == "bottom_rim" { Region::Rim(margin) } else { Region::Core(margin) }
         }
     };
@@ -428,7 +415,7 @@ pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, g
 fn within_box(scene: &SceneText, name: &At<String>, corners: &Option<Points>, grids: &[Grid]) -> Result<Region> {
     let why = "region = \"box\" asks for box_mm = [[x,y,z],[x,y,z]]";
     let corners = scene.required("box_mm", corners.as_ref(), name.span(), why)?;
-    let [min, max] = scene.corners::<3>("box_mm", corners)?;
+    let [min, max] = scene.corners(&raw::Boundary::box_mm, corners)?;
     for grid in grids {
         grid.holds_node(scene, corners, min, max)?;
     }

@@ -1,8 +1,8 @@
 //! Hyperelastic laws of a scene file: names, constants of the layers, and what they exclude.
 
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At};
-use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or};
+use super::raw::{self, At, Number, Row};
+use super::text::SceneText;
 use super::words::word;
 use super::{Correction, Element, Integrator, Law, Layer, Skin};
 use std::ops::Range;
@@ -62,10 +62,6 @@ pub const MATERIALS: [(&str, Material); 3] = [
     ("holzapfel", Material::Holzapfel),
 ];
 
-/// Largest Poisson's ratio: the bulk modulus is 5000 times the shear modulus. The hard cases go up to it (`scenes/hard/nu_04999.toml`, in
-/// f32 too); beyond it the accuracy of a solve is unknown.
-pub(super) const MOST_POISSON: f64 = 0.4999;
-
 /// Elastic constants of a layer at small strain.
 pub(super) struct Constants {
     /// Young's modulus, Pa; 0 if there is none.
@@ -96,7 +92,7 @@ fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, law: &Law) -
         None if matches!(law, Law::Springs { stiffness: Some(_), .. }) => 0.0,
         value => {
             let value = scene.required("young_kpa", value.clone(), table.clone(), why)?;
-            scene.number("young_kpa", &value, KPA, Bound::Positive)?
+            scene.number(&raw::Layer::young_kpa, &value)?
         }
     };
     let poisson = match &raw.poisson {
@@ -104,7 +100,7 @@ fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, law: &Law) -
         value => {
             let value = scene.required("poisson", value.clone(), table, why)?;
             let ratio = *value.get_ref();
-            if !(0.0..=MOST_POISSON).contains(&ratio) {
+            if !raw::Layer::poisson.range.holds(ratio) {
                 return Err(Invalid::Poisson { at: scene.location(value.span()), found: ratio });
             }
             ratio
@@ -120,17 +116,18 @@ pub(super) fn constants(scene: &SceneText, raw: &raw::Layer, law: &Law, table: R
             let why = "law = \"mooney_rivlin\" has c10_kpa, c01_kpa and bulk_kpa in its place";
             scene.needless("young_kpa", &raw.young_kpa, why)?;
             scene.needless("poisson", &raw.poisson, why)?;
-            let number = |key, value: &Option<At<f64>>, bound| {
-                let value = scene.required(key, value.clone(), table.clone(), "law = \"mooney_rivlin\" asks for it")?;
-                Ok((scene.number(key, &value, KPA, bound)?, value.span()))
+            let number = |row: Row<Number>, value: &Option<At<f64>>| {
+                let why = "law = \"mooney_rivlin\" asks for it";
+                let value = scene.required(row.name, value.clone(), table.clone(), why)?;
+                Ok((scene.number(&row, &value)?, value.span()))
             };
-            let (c10, _) = number("c10_kpa", &raw.c10_kpa, Bound::Positive)?;
-            let (c01, _) = number("c01_kpa", &raw.c01_kpa, Bound::NotNegative)?;
-            let (bulk, at) = number("bulk_kpa", &raw.bulk_kpa, Bound::Positive)?;
+            let (c10, _) = number(raw::Layer::c10_kpa, &raw.c10_kpa)?;
+            let (c01, _) = number(raw::Layer::c01_kpa, &raw.c01_kpa)?;
+            let (bulk, at) = number(raw::Layer::bulk_kpa, &raw.bulk_kpa)?;
             // constants at small strain
             let shear = 2.0 * (c10 + c01);
             let poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
-            if !(0.0..=MOST_POISSON).contains(&poisson) {
+            if !raw::Layer::poisson.range.holds(poisson) {
                 return Err(Invalid::LawUnfit {
                     at: scene.location(at),
                     law: word(&MATERIALS, Material::MooneyRivlin),
@@ -164,28 +161,24 @@ pub(super) fn fibres(scene: &SceneText, raw: &raw::Layer, law: &Law) -> Result<F
         let why = "it is of a layer's fibres, and this layer has none; add fibre_kpa";
         numbers.into_iter().try_for_each(|(key, value)| scene.needless(key, value, why))?;
     }
-    let default = Fibres::default();
-    let growth = or(raw.fibre_growth.clone(), default.growth);
-    let dispersion = or(raw.fibre_dispersion.clone(), default.dispersion);
+    let dispersion = raw::Layer::fibre_dispersion.or(raw.fibre_dispersion.clone());
     let found = *dispersion.get_ref();
-    if !(0.0..=1.0 / 3.0).contains(&found) {
+    if !raw::Layer::fibre_dispersion.range.holds(found) {
         return Err(Invalid::Number {
             at: scene.location(dispersion.span()),
             key: "fibre_dispersion".into(),
             found,
             wanted: "a number from 0 (all fibres along their family's direction) to 1/3 (every way)",
-            unit: PLAIN.name,
+            unit: raw::Layer::fibre_dispersion.range.unit.name,
             example: 0.1,
         });
     }
-    let angle = |key, value: &Option<At<f64>>| {
-        let value = or(value.clone(), 0.0);
-        scene.number(key, &value, DEGREE, Bound::Finite).map(f64::to_radians)
-    };
-    let (langer, aside) = (angle("langer_deg", &raw.langer_deg)?, angle("fibre_angle_deg", &raw.fibre_angle_deg)?);
+    let number = |row: Row<Number, f64>, value: &Option<At<f64>>| scene.number_or(&row, value.clone());
+    let langer = number(raw::Layer::langer_deg, &raw.langer_deg)?.to_radians();
+    let aside = number(raw::Layer::fibre_angle_deg, &raw.fibre_angle_deg)?.to_radians();
     Ok(Fibres {
-        stiffness: scene.number("fibre_kpa", &or(raw.fibre_kpa.clone(), 0.0), KPA, Bound::NotNegative)?,
-        growth: scene.number("fibre_growth", &growth, PLAIN, Bound::Positive)?,
+        stiffness: number(raw::Layer::fibre_kpa, &raw.fibre_kpa)?,
+        growth: number(raw::Layer::fibre_growth, &raw.fibre_growth)?,
         dispersion: found,
         families: [langer + aside, langer - aside],
     })

@@ -2,8 +2,7 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
-use super::text::{SceneText, or};
-use super::words::INTEGRATORS;
+use super::text::SceneText;
 use super::{Integrator, Law, Mass, Skin, Tool};
 
 /// Integrator of a scene; `touching` is true if bodies can touch or are attached.
@@ -15,8 +14,8 @@ pub(super) fn integrator(
     tools: &[Tool],
     touching: bool,
 ) -> Result<Integrator> {
-    let word = or(word, "implicit_euler".to_string());
-    let integrator = scene.choice("integrator", &word, &INTEGRATORS)?;
+    let word = raw::Time::integrator.or(word);
+    let integrator = scene.choice(&raw::Time::integrator, &word)?;
     let unfit = |why: &'static str, fix: &'static str| Invalid::IntegratorUnfit {
         at: scene.location(word.span()),
         found: word.get_ref().clone(),

@@ -1,38 +1,14 @@
-#![doc = include_str!("keys.md")]
+//! Every key of a scene file. The unit is the end of a key's name: `_mm`, `_ms`, `_kpa`. A default in brackets is what happens without the key, in
+//! words; without a default the key is required, or belongs to the choice that its meaning names. Ranges are of the value as it stands in the file.
+#![doc = page!()]
 #![doc = include_str!("topics.md")]
 
-/// Key of a scene file, as listed on the page above.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Key {
-    /// Heading of its table: `[time]`, `[skin] and [[block]]`, or `The file`.
-    pub table: &'static str,
-    /// Name, with its unit.
-    pub name: &'static str,
-    /// Default as TOML, or in words in brackets; empty if the key is required or belongs to a choice.
-    pub default: &'static str,
-    /// Allowed values.
-    pub range: &'static str,
-    /// Meaning.
-    pub meaning: &'static str,
-}
-
-const PAGE: &str = include_str!("keys.md");
+use super::raw::KEYS;
+pub use super::raw::Key;
 
 /// All keys, in the order of the page.
 pub fn keys() -> Vec<Key> {
-    let (mut table, mut out) = ("", vec![]);
-    for line in PAGE.lines() {
-        if let Some(heading) = line.strip_prefix("## ") {
-            table = heading;
-        }
-        let cells: Vec<&'static str> = line.trim_matches('|').split('|').map(str::trim).collect();
-        if let [name, default, range, meaning] = cells[..]
-            && let Some(name) = name.strip_prefix('`').and_then(|name| name.strip_suffix('`'))
-        {
-            out.push(Key { table, name, default, range, meaning });
-        }
-    }
-    out
+    KEYS.concat()
 }
 
 /// Keys whose name or table contains a word, or if there are none, whose meaning does; all keys for `None`.

@@ -5,7 +5,7 @@ use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, Extent, Points, Table};
 use super::region::SLACK;
-use super::text::{Bound, KPA, MM, NEWTON, SECOND, SceneText, in_mm, or};
+use super::text::{SceneText, in_mm, or};
 use super::{Load, LoadKind, Region, Skin};
 use std::ops::Range;
 
@@ -87,9 +87,9 @@ pub(super) fn load(
         _ => surface(scene, &raw, extent, &skins[body], &grids[body])?,
     };
     // duration
-    let start = scene.number("start_s", &or(raw.start_s, 0.0), SECOND, Bound::NotNegative)?;
+    let start = scene.number_or(&raw::Load::start_s, raw.start_s)?;
     let end = match &raw.end_s {
-        Some(end) => scene.number("end_s", end, SECOND, Bound::Positive)?,
+        Some(end) => scene.number(&raw::Load::end_s, end)?,
         None => f64::INFINITY,
     };
     if start >= end {
@@ -119,14 +119,14 @@ fn kind(scene: &SceneText, raw: &raw::Load, table: Range<usize>, grids: &[Grid])
         scene.needless("at_mm", &raw.at_mm, "only a force acts at a point: `force_n`")?;
     }
     if let Some(traction) = &raw.traction_kpa {
-        return Ok(LoadKind::Traction(scene.vector("traction_kpa", traction, KPA, Bound::Finite)?));
+        return Ok(LoadKind::Traction(scene.vector(&raw::Load::traction_kpa, traction)?));
     }
     if let Some(force) = &raw.force_n {
-        let force = scene.vector("force_n", force, NEWTON, Bound::Finite)?;
+        let force = scene.vector(&raw::Load::force_n, force)?;
         return match &raw.at_mm {
             None => Ok(LoadKind::Force(force)),
             Some(at) => {
-                let point = scene.vector("at_mm", at, MM, Bound::Finite)?;
+                let point = scene.vector(&raw::Load::at_mm, at)?;
                 grids[0].contains(scene, point, at)?;
                 Ok(LoadKind::PointForce { force, at: point })
             }
@@ -134,8 +134,8 @@ fn kind(scene: &SceneText, raw: &raw::Load, table: Range<usize>, grids: &[Grid])
     }
     let pressure = scene.required("pressure_kpa", raw.pressure_kpa.as_ref(), table, ONE_KIND)?;
     Ok(LoadKind::Pressure {
-        pressure: scene.number("pressure_kpa", pressure, KPA, Bound::Finite)?,
-        follower: raw.follower.as_ref().is_some_and(|follower| *follower.get_ref()),
+        pressure: scene.number(&raw::Load::pressure_kpa, pressure)?,
+        follower: raw::Load::follower.or(raw.follower.clone()).into_inner(),
     })
 }
 
@@ -166,7 +166,7 @@ fn surface(scene: &SceneText, raw: &raw::Load, extent: Extent, skin: &Skin, grid
 
 /// Rectangle inside the top, with an area.
 fn on_top(scene: &SceneText, rectangle: &Points, skin: &Skin) -> Result<Region> {
-    let [min, max] = scene.corners::<2>("rectangle_mm", rectangle)?;
+    let [min, max] = scene.corners(&raw::Load::rectangle_mm, rectangle)?;
     for axis in 0..2 {
         let half = skin.size[axis] / 2.0;
         if min[axis] < -half - SLACK || max[axis] > half + SLACK {

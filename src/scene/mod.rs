@@ -3,6 +3,9 @@
 //! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa. [`read`] turns
 //! text into a [`Scene`], or into one error that states file, line, what was found, what was wanted and how to fix it.
 
+#[macro_use]
+mod raw;
+
 mod bodies;
 mod body;
 mod code;
@@ -19,7 +22,6 @@ mod loads;
 mod notes;
 mod obj;
 mod outputs;
-mod raw;
 mod read;
 mod recorded;
 mod region;
@@ -32,7 +34,6 @@ mod touching;
 mod words;
 
 pub use body::Start;
-pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub use embedded::{ClosedSurface, Leak};
 #[cfg(feature = "program")]
 pub(crate) use files::bytes_of;
@@ -49,8 +50,8 @@ pub use study::Study;
 pub use tetrahedral::{Defect, TetrahedralMesh};
 pub use text::nearest;
 pub use touching::{
-    Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round,
-    Slide, Tool, ToolMesh,
+    Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Device, DeviceKind, Filter, Haptic, Lines, Loop,
+    Motion, Plane, Pose, Rendering, Role, Round, Slide, Tool, ToolMesh,
 };
 
 pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};

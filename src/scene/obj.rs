@@ -7,7 +7,7 @@
 use super::files::Files;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::{self, At};
-use super::text::{Bound, MM, SceneText, or, shorten};
+use super::text::{SceneText, or, shorten};
 use super::{Filter, Lines, Tool, ToolMesh};
 use crate::formats::obj::Obj;
 use std::collections::BTreeMap;
@@ -65,8 +65,8 @@ pub(super) fn triangles(obj: &Obj, unit: f64) -> Result<ToolMesh> {
 
 /// Points and segments of a tool.
 pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Result<Lines> {
-    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
-    let radius = scene.number("radius_mm", &or(raw.radius_mm.clone(), 0.0), MM, Bound::NotNegative)?;
+    let unit = scene.number_or(&raw::Lines::mesh_unit_mm, raw.mesh_unit_mm.clone())?;
+    let radius = scene.number_or(&raw::Lines::radius_mm, raw.radius_mm.clone())?;
     let (path, text) = files.text(scene, "mesh", &raw.mesh)?;
     let file = Obj::read(&text, &path).map_err(Invalid::Mesh)?;
     let (points, segments) = (points(&file)?, segments(&file)?);
@@ -87,8 +87,7 @@ pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]
     let Some(word) = word else {
         return Ok(Filter::Own);
     };
-    let known = [("points", Filter::Points), ("one", Filter::One), ("cones", Filter::Cones)];
-    let filter = scene.choice("filter", &word, &known)?;
+    let filter = scene.choice(&raw::Contact::filter, &word)?;
     let unfit = |tool: &&Tool| match filter {
         Filter::One => tool.lines.is_some(),
         Filter::Cones => tool.round.is_some(),
@@ -117,5 +116,5 @@ pub(super) fn angle_cone(scene: &SceneText, raw: Option<At<f64>>, filter: Filter
     if filter == Filter::Points {
         scene.needless("angle_cone", &raw, "filter = \"points\" looks at no cones")?;
     }
-    scene.number("angle_cone", &or(raw, 0.02), super::text::PLAIN, Bound::NotNegative)
+    scene.number(&raw::Contact::angle_cone, &or(raw, 0.02))
 }

@@ -3,10 +3,9 @@
 use super::bodies::Names;
 use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At, Extent, Table};
+use super::raw::{self, At, Extent, KindOfProbe, Row, Table, Vector};
 use super::study::words;
-use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, Taken, or, or_vector};
-use super::words::{OUTPUT_FIELDS, SURFACE_FORMATS};
+use super::text::{SceneText, Taken};
 use super::{BodyId, COMPONENTS, Check, FIXED_COLUMNS, Output, Probe, ProbeKind, Skin, Tool, View};
 use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,9 +16,7 @@ const VIEW_DIRECTION: [f64; 3] = [0.5, -0.7, 0.51];
 /// Margin around the bodies in the default picture.
 const VIEW_MARGIN: f64 = 1.1;
 /// Largest side of a picture; GPUs reject larger textures.
-pub(super) const LARGEST_PICTURE: u32 = 8192;
-/// Smallest and largest field of view, degrees; beyond them a picture is noise or a fisheye.
-const FIELD_OF_VIEW: [f64; 2] = [1.0, 150.0];
+pub(super) const LARGEST_PICTURE: u32 = raw::View::size_px.range.0.max;
 
 /// Probes in the file's order.
 pub(super) fn probes(
@@ -47,40 +44,7 @@ pub(super) fn probes(
         .collect()
 }
 
-const KINDS: [(&str, Kind); 13] = [
-    ("displacement", Kind::Displacement),
-    ("mean_displacement", Kind::MeanDisplacement),
-    ("reaction", Kind::Reaction),
-    ("pressure", Kind::Pressure),
-    ("strain", Kind::Strain),
-    ("stress", Kind::Stress),
-    ("volume", Kind::Volume),
-    ("volume_change", Kind::VolumeChange),
-    ("centre_of_mass", Kind::CentreOfMass),
-    ("position", Kind::Position),
-    ("velocity", Kind::Velocity),
-    ("spin", Kind::Spin),
-    ("force", Kind::Force),
-];
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Displacement,
-    MeanDisplacement,
-    Reaction,
-    Pressure,
-    Strain,
-    Stress,
-    Volume,
-    VolumeChange,
-    CentreOfMass,
-    Position,
-    Velocity,
-    Spin,
-    Force,
-}
-
-impl Kind {
+impl KindOfProbe {
     fn at_point(self) -> bool {
         matches!(self, Self::Displacement | Self::Strain | Self::Stress)
     }
@@ -105,7 +69,7 @@ const OF_TENSOR: &str = "kind = \"strain\" and \"stress\" ask for a component";
 fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids: &[Vec<Grid>]) -> Result<ProbeKind> {
     let (at, mut raw) = (table.span, table.keys);
     let extent = raw.extent();
-    let kind = scene.choice("kind", &raw.kind, &KINDS)?;
+    let kind = scene.choice(&raw::Probe::kind, &raw.kind)?;
     // keys of the other kinds
     if !kind.along_axis() {
         let why = "a volume or a pressure has no direction, and strain and stress take `component`";
@@ -126,23 +90,22 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
         scene.needless("region", &raw.region, why)?;
         no_extent(scene, &extent, why)?;
     }
-    if kind != Kind::Force {
+    if kind != KindOfProbe::Force {
         scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;
     }
-    let axis = or(raw.axis.take(), "z".to_string());
-    let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
+    let axis = scene.choice_or(&raw::Probe::axis, raw.axis.take())?;
     // probe of a named body, or of a deformable one
     let named = || scene.required("body", raw.body.as_ref(), at.clone(), "this kind of probe is of a named body");
     Ok(match kind {
-        Kind::Position => ProbeKind::Position { body: bodies.rigid(scene, named()?)?, axis },
-        Kind::Velocity => ProbeKind::Velocity { body: bodies.rigid(scene, named()?)?, axis },
-        Kind::Spin => ProbeKind::Spin { body: bodies.rigid(scene, named()?)?, axis },
-        Kind::Force => {
+        KindOfProbe::Position => ProbeKind::Position { body: bodies.rigid(scene, named()?)?, axis },
+        KindOfProbe::Velocity => ProbeKind::Velocity { body: bodies.rigid(scene, named()?)?, axis },
+        KindOfProbe::Spin => ProbeKind::Spin { body: bodies.rigid(scene, named()?)?, axis },
+        KindOfProbe::Force => {
             let on = bodies.find(scene, "body", named()?)?;
             let from = raw.from.as_ref().map(|name| bodies.find(scene, "from", name)).transpose()?;
             ProbeKind::Force { on, from, axis }
         }
-        Kind::CentreOfMass => match &raw.body {
+        KindOfProbe::CentreOfMass => match &raw.body {
             Some(name) => ProbeKind::CentreOfMass { of: bodies.with_mass(scene, name)?, axis },
             None => ProbeKind::CentreOfMass { of: BodyId::Deformable(bodies.skin(scene, &None, at)?), axis },
         },
@@ -152,7 +115,7 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
 
 fn skin_probe(
     scene: &SceneText,
-    kind: Kind,
+    kind: KindOfProbe,
     axis: usize,
     raw: raw::Probe,
     extent: Extent,
@@ -162,15 +125,15 @@ fn skin_probe(
 ) -> Result<ProbeKind> {
     let body = bodies.skin(scene, &raw.body, at.clone())?;
     match kind {
-        Kind::Volume => return Ok(ProbeKind::Volume { body }),
-        Kind::VolumeChange => return Ok(ProbeKind::VolumeChange { body }),
+        KindOfProbe::Volume => return Ok(ProbeKind::Volume { body }),
+        KindOfProbe::VolumeChange => return Ok(ProbeKind::VolumeChange { body }),
         _ => {}
     }
     if kind.of_region() {
         let word = scene.required("region", raw.region, at, OF_REGION)?;
         let region = region(scene, &word, extent, &grids[body])?;
         return Ok(match kind {
-            Kind::Pressure => {
+            KindOfProbe::Pressure => {
                 let without = grids[body].iter().find(|grid| !grid.holds_face(&region));
                 if let Some(Grid { name: grid, .. }) = without {
                     let region = word.get_ref().clone();
@@ -178,22 +141,22 @@ fn skin_probe(
                 }
                 ProbeKind::Pressure { body, region }
             }
-            Kind::MeanDisplacement => ProbeKind::MeanDisplacement { body, region, axis },
+            KindOfProbe::MeanDisplacement => ProbeKind::MeanDisplacement { body, region, axis },
             _ => ProbeKind::Reaction { body, region, axis },
         });
     }
     // of a point: inside the body
     let point_text = scene.required("point_mm", raw.point_mm, at.clone(), AT_POINT)?;
-    let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
+    let point = scene.vector(&raw::Probe::point_mm, &point_text)?;
     grids[body][0].contains(scene, point, &point_text)?;
-    if kind == Kind::Displacement {
+    if kind == KindOfProbe::Displacement {
         return Ok(ProbeKind::Displacement { body, point, axis });
     }
     let word = scene.required("component", raw.component, at, OF_TENSOR)?;
-    let known = if kind == Kind::Stress { &COMPONENTS[..] } else { &COMPONENTS[..6] };
-    let component = scene.choice("component", &word, known)?;
+    let known = if kind == KindOfProbe::Stress { &COMPONENTS[..] } else { &COMPONENTS[..6] };
+    let component = scene.among("component", &word, known)?;
     Ok(match kind {
-        Kind::Stress => ProbeKind::Stress { body, point, component },
+        KindOfProbe::Stress => ProbeKind::Stress { body, point, component },
         _ => ProbeKind::Strain { body, point, component },
     })
 }
@@ -221,13 +184,13 @@ fn check(
         let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
         return Err(scene.unknown_word("probe", &At::new(key.span(), name.to_string()), &names));
     }
-    let bounds = [("min", raw.min, f64::NEG_INFINITY), ("max", raw.max, f64::INFINITY)];
+    let bounds = [(raw::Check::min, raw.min, f64::NEG_INFINITY), (raw::Check::max, raw.max, f64::INFINITY)];
     if bounds.iter().all(|(_, value, _)| value.is_none()) {
         let why = "a check needs `min`, `max` or both";
         return scene.required("min", None, key.span(), why);
     }
-    let [min, max] = bounds.map(|(name, value, open)| match value {
-        Some(value) => scene.number(name, &value, PLAIN, Bound::Finite),
+    let [min, max] = bounds.map(|(row, value, open)| match value {
+        Some(value) => scene.number(&row, &value),
         None => Ok(open),
     });
     let (min, max) = (min?, max?);
@@ -244,7 +207,7 @@ fn check(
     if !key.get_ref().ends_with("_mm") {
         scene.needless("cells", &raw.cells, "it widens the bounds of a length, whose key ends in `_mm`")?;
     }
-    let cells = raw.cells.map_or(Ok(0.0), |cells| scene.number("cells", &cells, PLAIN, Bound::Positive))?;
+    let cells = raw.cells.map_or(Ok(0.0), |cells| scene.number(&raw::Check::cells, &cells))?;
     Ok(Check { key: key.into_inner(), min, max, cells })
 }
 
@@ -252,43 +215,32 @@ fn check(
 pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[Skin], tools: &[Tool]) -> Result<View> {
     let span = table.as_ref().map_or(0..0, |table| table.span.clone());
     let raw = raw::keys(table);
-    let angle = or(raw.field_of_view_deg, 30.0);
-    let field_of_view = scene.number("field_of_view_deg", &angle, DEGREE, Bound::Positive)?;
-    if !(FIELD_OF_VIEW[0]..=FIELD_OF_VIEW[1]).contains(&field_of_view) {
-        return Err(Invalid::Number {
-            at: scene.location(angle.span()),
-            key: "field_of_view_deg".to_string(),
-            found: field_of_view,
-            wanted: "a number from 1 to 150",
-            unit: DEGREE.name,
-            example: 30.0,
-        });
-    }
-    let size = scene.counts("size_px", &or_vector(raw.size_px, &[960, 640]), [1, LARGEST_PICTURE])?;
-    let point = |key, value: Option<raw::Numbers>, default: [f64; 3]| match value {
-        Some(value) => scene.vector(key, &value, MM, Bound::Finite),
+    let field_of_view = scene.within_or(&raw::View::field_of_view_deg, raw.field_of_view_deg)?;
+    let size = scene.counts(&raw::View::size_px, &raw::View::size_px.or(raw.size_px))?;
+    let point = |row: Row<Vector<3>>, value: Option<raw::Numbers>, default: [f64; 3]| match value {
+        Some(value) => scene.vector(&row, &value),
         None => Ok(default),
     };
     let (centre, radius) = sphere_around(skins, tools);
-    let target = point("target_mm", raw.target_mm, centre)?;
+    let target = point(raw::View::target_mm, raw.target_mm, centre)?;
     let narrow = f64::from(size[0].min(size[1])) / f64::from(size[1]);
     let half_angle = atan(narrow * tan((field_of_view / 2.0).to_radians()));
     let distance = VIEW_MARGIN * radius / sin(half_angle);
     let [x, y, z] = VIEW_DIRECTION.map(|part| part * distance);
     let eye = [target[0] + x, target[1] + y, target[2] + z];
-    let eye = point("eye_mm", raw.eye_mm, eye)?;
+    let eye = point(raw::View::eye_mm, raw.eye_mm, eye)?;
     if eye == target {
         return Err(Invalid::ViewPoint { at: scene.location(span) });
     }
-    Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
+    Ok(View { frames: scene.count_or(&raw::View::frames, raw.frames)?, size, eye, target, field_of_view })
 }
 
 /// What is saved with the pictures.
 pub(super) fn output(scene: &SceneText, table: Option<Table<raw::Output>>) -> Result<Output> {
     let raw = raw::keys(table);
     Ok(Output {
-        fields: words(scene, "fields", raw.fields, &OUTPUT_FIELDS)?,
-        surfaces: words(scene, "surface", raw.surface, &SURFACE_FORMATS)?,
+        fields: words(scene, "fields", raw.fields, raw::Output::fields.range.0.0)?,
+        surfaces: words(scene, "surface", raw.surface, raw::Output::surface.range.0.0)?,
     })
 }
 

@@ -8,9 +8,7 @@ use super::files::{Files, toml_of};
 use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
-use super::text::{
-    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector, tables,
-};
+use super::text::{SceneText, Taken, or, tables};
 use super::{
     Boundary, Correction, EDGE_SPACING, Inclusion, Integrator, Law, Mass, PRECONDITIONER, RestSpring, STEP, Scene,
     Skin, Solver, TestForm, Time, attach_of, body, cells_of, check_of, device_of, devices, hyperelastic, integrator,
@@ -161,12 +159,11 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
 }
 
 fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Time> {
-    let gravity = or_vector(raw.gravity_m_s2, &[0.0, 0.0, -9.81]);
     let time = Time {
-        step: scene.number("step_ms", &raw.step_ms, MS, Bound::Positive)?,
-        duration: scene.number("duration_s", &raw.duration_s, SECOND, Bound::Positive)?,
-        gravity: scene.vector("gravity_m_s2", &gravity, ACCELERATION, Bound::Finite)?,
-        substeps: scene.count("substeps", &or(raw.substeps, 1), [1, 10_000])?,
+        step: scene.number(&raw::Time::step_ms, &raw.step_ms)?,
+        duration: scene.number(&raw::Time::duration_s, &raw.duration_s)?,
+        gravity: scene.vector_or(&raw::Time::gravity_m_s2, raw.gravity_m_s2)?,
+        substeps: scene.count_or(&raw::Time::substeps, raw.substeps)?,
         integrator,
     };
     if time.step > time.duration {
@@ -191,15 +188,14 @@ fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver>
     let hexahedra = skins.iter().all(|skin| skin.law.is_hexahedral());
     let best = if tetrahedra { "block" } else { ["column", "multigrid"][usize::from(hexahedra)] };
     let preconditioner = or(raw.preconditioner, best.to_string());
-    let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {
-        preconditioner: scene.choice("preconditioner", &preconditioner, &preconditioners)?,
-        tolerance: scene.number("tolerance", &or(raw.tolerance, 1e-3), PLAIN, Bound::Fraction)?,
-        floor: scene.number("floor_n", &or(raw.floor_n, 1e-10), NEWTON, Bound::NotNegative)?,
-        max_iterations: count("max_iterations", raw.max_iterations, 1000)?,
-        newton: or(raw.newton, false).into_inner(),
-        refinements: scene.count("refinements", &or(raw.refinements, 0), [0, 100])?,
-        true_residual_every: count("true_residual_every", raw.true_residual_every, 20)?,
+        preconditioner: scene.among("preconditioner", &preconditioner, &preconditioners)?,
+        tolerance: scene.number_or(&raw::Solver::tolerance, raw.tolerance)?,
+        floor: scene.number_or(&raw::Solver::floor_n, raw.floor_n)?,
+        max_iterations: scene.count_or(&raw::Solver::max_iterations, raw.max_iterations)?,
+        newton: raw::Solver::newton.or(raw.newton).into_inner(),
+        refinements: scene.count_or(&raw::Solver::refinements, raw.refinements)?,
+        true_residual_every: scene.count_or(&raw::Solver::true_residual_every, raw.true_residual_every)?,
     })
 }
 
@@ -207,7 +203,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     let (at, mut raw) = (table.span, table.keys);
     let body = names.skin(scene, &raw.body, at)?;
     let extent = raw.extent();
-    let letters = or(raw.axes, "xyz".to_string());
+    let letters = raw::Boundary::axes.or(raw.axes);
     let mut axes = [false; 3];
     let mut known = !letters.get_ref().is_empty();
     for letter in letters.get_ref().chars() {
@@ -219,20 +215,19 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     if !known {
         return Err(Invalid::Axes { at: scene.location(letters.span()), found: letters.into_inner() });
     }
-    let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     if let (Some(turn), [x, y, _]) = (&raw.turn_deg, axes)
         && !(x && y)
     {
         return Err(Invalid::TurnAxes { at: scene.location(turn.span()), axes: letters.into_inner() });
     }
-    let turn = or(raw.turn_deg, 0.0);
-    let path = raw.path_mm.as_ref().map_or(Ok(vec![]), |rows| round::path(scene, rows))?;
+    let path = |rows| round::path(scene, &raw::Boundary::path_mm, rows);
+    let path = raw.path_mm.as_ref().map_or(Ok(vec![]), path)?;
     Ok(Boundary {
         body,
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
-        displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
-        rotation: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
+        displacement: scene.vector_or(&raw::Boundary::displacement_mm, raw.displacement_mm)?,
+        rotation: scene.number_or(&raw::Boundary::turn_deg, raw.turn_deg)?.to_radians(),
         path,
     })
 }
@@ -255,7 +250,7 @@ fn rest_springs(
         Ok(RestSpring {
             body,
             region: region(scene, &raw.region, extent, &grids[body])?,
-            stiffness: scene.number("stiffness_n_m", &raw.stiffness_n_m, STIFFNESS, Bound::Positive)?,
+            stiffness: scene.number(&raw::RestSpring::stiffness_n_m, &raw.stiffness_n_m)?,
         })
     };
     list.into_iter().map(one).collect()
@@ -283,12 +278,12 @@ fn inclusions(
         if integrator == Integrator::SymplecticEuler {
             return refused(table.span, "symplectic Euler steps have no inclusions; take implicit Euler steps");
         }
-        if !["sphere", "box"].contains(&raw.region.get_ref().as_str()) {
+        if !raw::Inclusion::region.range.0.iter().any(|(word, _)| word == raw.region.get_ref()) {
             return refused(raw.region.span(), "its region is no solid; take \"sphere\" or \"box\"");
         }
         let extent = raw.extent();
         let region = region(scene, &raw.region, extent, &grids[body])?;
-        Ok(Inclusion { body, region, young: scene.number("young_kpa", &raw.young_kpa, KPA, Bound::Positive)? })
+        Ok(Inclusion { body, region, young: scene.number(&raw::Inclusion::young_kpa, &raw.young_kpa)? })
     };
     list.into_iter().map(one).collect()
 }
@@ -296,7 +291,7 @@ fn inclusions(
 fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<TestForm> {
     let cells = match (&raw.cells, skin) {
         (Some(value), Some(skin)) if skin.mesh.is_none() => {
-            let cells = scene.counts("cells", value, [1, u32::MAX])?;
+            let cells = scene.counts(&raw::Test::cells, value)?;
             let layers: Vec<At<u32>> = skin.layers.iter().map(|layer| At::new(value.span(), layer.cells)).collect();
             grid::numbered(scene, cells, &layers, value)?;
             let everywhere = vec![value.span(); layers.len()];
@@ -308,7 +303,7 @@ fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<T
             None
         }
     };
-    let steps = raw.steps.map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
+    let steps = raw.steps.map(|steps| scene.count(&raw::Test::steps, &steps));
     Ok(TestForm { cells, steps: steps.transpose()? })
 }
 

@@ -1,8 +1,8 @@
 //! Spheres and capsules of a scene file, their meshes for display, and hand paths given as lists of positions.
 
 use super::invalid::{Invalid, Result};
-use super::raw::{self, Points};
-use super::text::{Bound, MM, SceneText, difference, normalized};
+use super::raw::{self, Points, Row, Vectors};
+use super::text::{SceneText, difference, normalized};
 use super::{Pose, Round, ToolMesh};
 use crate::math::elementary::{cos, sin};
 use std::f64::consts::{PI, TAU};
@@ -13,8 +13,8 @@ const ALONG: u32 = 12;
 
 /// A sphere (one point) or a capsule (two distinct points).
 pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
-    let radius = scene.number("radius_mm", &raw.radius_mm, MM, Bound::Positive)?;
-    let points: Vec<[f64; 3]> = scene.points("points_mm", &raw.points_mm, MM)?;
+    let radius = scene.number(&raw::Round::radius_mm, &raw.radius_mm)?;
+    let points = scene.points(&raw::Round::points_mm, &raw.points_mm)?;
     match points[..] {
         [centre] => Ok(Round { radius, ends: [centre; 2] }),
         [a, b] if a != b => Ok(Round { radius, ends: [a, b] }),
@@ -23,10 +23,10 @@ pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
 }
 
 /// Rows `[t_s, x, y, z]` of a hand path without rotation, at least one, in ascending order of times.
-pub(super) fn path(scene: &SceneText, rows: &Points) -> Result<Vec<Pose>> {
+pub(super) fn path(scene: &SceneText, key: &Row<Vectors<4>>, rows: &Points) -> Result<Vec<Pose>> {
     let mut poses: Vec<Pose> = Vec::new();
     for row in rows.get_ref() {
-        let [_, x, y, z] = scene.vector("path_mm", row, MM, Bound::Finite)?;
+        let [_, x, y, z] = scene.vector(&key.each(), row)?;
         let time = row.get_ref()[0]; // the first column is in s
         if let Some(before) = poses.last().filter(|before| before.time >= time) {
             return Err(Invalid::TrajectoryTime { at: scene.location(row.span()), found: time, before: before.time });

@@ -2,8 +2,8 @@
 
 use super::integrator::{integrator, stable};
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At, Numbers, Table};
-use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
+use super::raw::{self, At, List, Number, Row, Table};
+use super::text::SceneText;
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
 use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, Skin, Time, Tool};
 
@@ -85,7 +85,7 @@ pub(super) fn study(
     };
     let mut known = vec![];
     for (word, value) in raw.known.unwrap_or_default() {
-        let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
+        let given = scene.number(&raw::Study::known.each(), &value)?;
         if given == 0.0 {
             let why = "errors are relative to it, so it cannot be 0: take another probe";
             return Err(Invalid::NeedlessKey { at: scene.location(value.span()), key: "known", why });
@@ -111,9 +111,9 @@ pub(super) fn study(
         scene.needless("laws", &raw.laws, why)?;
     }
     // values along each axis
-    let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
-    let one = |key, value: &Option<At<f64>>, unit| match value {
-        Some(value) => scene.number(key, value, unit, Bound::Positive),
+    let grids = numbers(scene, &raw::Study::grids, &raw.grids)?;
+    let one = |row: Row<Number>, value: &Option<At<f64>>| match value {
+        Some(value) => scene.number(&row, value),
         None => Ok(0.0),
     };
     let laws = words(scene, "laws", raw.laws, &laws(skins))?;
@@ -127,33 +127,26 @@ pub(super) fn study(
         }
     };
     let study = Study {
-        probes: raw.probes.unwrap_or_default().iter().map(number).collect::<Result<_>>()?,
+        probes: raw.probes.iter().flat_map(|probes| probes.get_ref()).map(number).collect::<Result<_>>()?,
         known,
-        duration: raw
-            .duration_s
-            .as_ref()
-            .map(|t| scene.number("duration_s", t, SECOND, Bound::Positive))
-            .transpose()?,
+        duration: raw.duration_s.as_ref().map(|t| scene.number(&raw::Study::duration_s, t)).transpose()?,
         preconditioners: words(scene, "preconditioners", raw.preconditioners, &preconditioners(skins))?,
-        tolerances: match &raw.tolerances {
-            Some(list) => each(scene, "tolerances", list, |v| scene.number("tolerances", v, PLAIN, Bound::Fraction))?,
-            None => vec![],
-        },
+        tolerances: numbers(scene, &raw::Study::tolerances, &raw.tolerances)?,
         iterations: match &raw.iterations {
-            Some(list) => each(scene, "iterations", list, |v| scene.count("iterations", v, [1, u32::MAX]))?,
+            Some(list) => each(scene, "iterations", list, |v| scene.count(&raw::Study::iterations.each(), v))?,
             None => vec![],
         },
         grids,
-        steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
+        steps: numbers(scene, &raw::Study::steps_ms, &raw.steps_ms)?,
         integrators: match &raw.integrators {
             Some(list) => each(scene, "integrators", list, of_study)?,
             None => vec![],
         },
         laws,
         corrections: words(scene, "corrections", raw.corrections, &CORRECTIONS)?,
-        quick_grid: one("quick_grid", &raw.quick_grid, PLAIN)?,
-        reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
-        reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
+        quick_grid: one(raw::Study::quick_grid, &raw.quick_grid)?,
+        reference_grid: one(raw::Study::reference_grid, &raw.reference_grid)?,
+        reference_step: one(raw::Study::reference_step_ms, &raw.reference_step_ms)?,
     };
     // reference at least as fine as the finest run, steps commensurate
     let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Invalid::Order {
@@ -223,10 +216,9 @@ impl Study {
     }
 }
 
-fn numbers(scene: &SceneText, key: &'static str, list: &Option<Numbers>, unit: super::text::Unit) -> Result<Vec<f64>> {
+fn numbers(scene: &SceneText, row: &Row<List<Number>>, list: &Option<At<Vec<At<f64>>>>) -> Result<Vec<f64>> {
     let Some(list) = list else { return Ok(vec![]) };
-    let values: Vec<At<f64>> = list.get_ref().iter().map(|v| At::new(list.span(), *v)).collect();
-    each(scene, key, &At::new(list.span(), values), |v| scene.number(key, v, unit, Bound::Positive))
+    each(scene, row.name, list, |value| scene.number(&row.each(), value))
 }
 
 /// Values of a list of words.
@@ -237,7 +229,7 @@ pub(super) fn words<T: Copy>(
     known: &[(&str, T)],
 ) -> Result<Vec<T>> {
     let Some(list) = list else { return Ok(vec![]) };
-    each(scene, key, &list, |word| scene.choice(key, word, known))
+    each(scene, key, &list, |word| scene.among(key, word, known))
 }
 
 /// Each value of a list, which must be neither empty nor too long.

@@ -4,113 +4,21 @@
 //! Conversion to SI happens only here: `si = file · times / per`.
 
 use super::invalid::{Invalid, Location, Result};
-use super::raw::{self, At, Counts, Numbers, Points};
+use super::raw::{self, At, Choice, Count, Counts, Number, Numbers, Points, Row, TwoCounts, Vector, Vectors, Within};
 use crate::math::elementary::hypot;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-/// Largest magnitude in SI units; larger values become infinite in the kernels' f32.
-const LARGEST: f64 = f32::MAX as f64;
-/// Smallest positive value in SI units; smaller ones lose digits in the kernels' f32, and divisions by them overflow.
-const LEAST: f64 = f32::MIN_POSITIVE as f64;
-
-/// Unit of a key. Division by `per` rounds once, so that 0.3 mm is the same number as 0.3e-3 m.
-#[derive(Clone, Copy)]
-pub(super) struct Unit {
-    pub name: &'static str,
-    pub times: f64,
-    pub per: f64,
-}
-
-const fn unit(name: &'static str, times: f64, per: f64) -> Unit {
-    Unit { name, times, per }
-}
-
-pub(super) const PLAIN: Unit = unit("no unit", 1.0, 1.0);
-pub(super) const MM: Unit = unit("mm", 1.0, 1e3);
-pub(super) const MS: Unit = unit("ms", 1.0, 1e3);
-pub(super) const SECOND: Unit = unit("s", 1.0, 1.0);
-pub(super) const PER_SECOND: Unit = unit("1/s", 1.0, 1.0);
-pub(super) const SPEED: Unit = unit("m/s", 1.0, 1.0);
-pub(super) const RADIAN_PER_SECOND: Unit = unit("rad/s", 1.0, 1.0);
-pub(super) const ACCELERATION: Unit = unit("m/s²", 1.0, 1.0);
-pub(super) const NEWTON: Unit = unit("N", 1.0, 1.0);
-pub(super) const KPA: Unit = unit("kPa", 1e3, 1.0);
-pub(super) const KJ_M2: Unit = unit("kJ/m²", 1e3, 1.0);
-pub(super) const KG_M3: Unit = unit("kg/m³", 1.0, 1.0);
-pub(super) const GRAM: Unit = unit("g", 1.0, 1e3);
-pub(super) const G_MM2: Unit = unit("g·mm²", 1.0, 1e9);
-pub(super) const STIFFNESS: Unit = unit("N/m", 1.0, 1.0);
-pub(super) const DAMPING: Unit = unit("N·s/m", 1.0, 1.0);
-pub(super) const ANGULAR_STIFFNESS: Unit = unit("N·m/rad", 1.0, 1.0);
-pub(super) const ANGULAR_DAMPING: Unit = unit("N·m·s/rad", 1.0, 1.0);
-pub(super) const HERTZ: Unit = unit("Hz", 1.0, 1.0);
-pub(super) const MICRON: Unit = unit("µm", 1.0, 1e6);
-pub(super) const N_MM: Unit = unit("N·mm", 1.0, 1e3);
-pub(super) const DEGREE: Unit = unit("degrees", 1.0, 1.0);
-
 /// Metres in mm for messages, rounded to a millionth of a mm, which hides the rounding of the conversion to SI.
 pub(super) fn in_mm(metres: f64) -> f64 {
     (metres * 1e9).round() / 1e6
 }
 
-/// Range of a key.
-#[derive(Clone, Copy)]
-pub(super) enum Bound {
-    Finite,
-    Positive,
-    NotNegative,
-    Fraction,
-    /// Pre-strain. A free cell relaxes to `I − e`; within these limits it is not inverted, including across the thickness: `e_z < 1` if
-    /// `e_x + e_y > −1` and ν < 0.5.
-    Strain,
-}
-
-impl Bound {
-    /// True if `value` is in range and `si` remains in range in f32.
-    fn holds(self, value: f64, si: f64) -> bool {
-        si.abs() <= LARGEST
-            && match self {
-                Bound::Finite => true,
-                Bound::Positive => si >= LEAST,
-                Bound::NotNegative => value >= 0.0,
-                Bound::Fraction => value > 0.0 && value < 1.0,
-                Bound::Strain => value > -0.5 && value < 1.0,
-            }
-    }
-
-    fn wanted(self) -> &'static str {
-        match self {
-            Bound::Finite => "a finite number (at most 3e38 in SI)",
-            Bound::Positive => "a finite number above 0 (at least 1.2e-38 in SI)",
-            Bound::NotNegative => "a finite number, 0 or more",
-            Bound::Fraction => "a number between 0 and 1, both excluded",
-            Bound::Strain => "a strain between -0.5 and 1, both excluded",
-        }
-    }
-
-    fn example(self, found: f64) -> f64 {
-        let magnitude = found.abs();
-        match self {
-            Bound::Fraction => 0.001,
-            Bound::Strain => 0.1,
-            Bound::Finite => 0.0,
-            _ if magnitude > LEAST.sqrt() && magnitude < LARGEST.sqrt() => magnitude,
-            _ => 1.0,
-        }
-    }
-}
-
 /// The given value, or a default in the file's unit.
 pub(super) fn or<T>(value: Option<At<T>>, default: T) -> At<T> {
     value.unwrap_or_else(|| At::new(0..0, default))
-}
-
-/// The given vector, or a default in the file's unit.
-pub(super) fn or_vector<T: Clone>(value: Option<At<Vec<T>>>, default: &[T]) -> At<Vec<T>> {
-    or(value, default.to_vec())
 }
 
 /// Names that are given already, with their spans.
@@ -139,7 +47,8 @@ impl<'a> SceneText<'a> {
         1 + self.ends.partition_point(|end| *end < span.start)
     }
 
-    fn checked(&self, key: &str, found: f64, span: Range<usize>, unit: Unit, bound: Bound) -> Result<f64> {
+    fn checked(&self, key: &str, found: f64, span: Range<usize>, range: Number) -> Result<f64> {
+        let Number { unit, bound } = range;
         let si = found * unit.times / unit.per;
         if bound.holds(found, si) {
             return Ok(si);
@@ -155,41 +64,65 @@ impl<'a> SceneText<'a> {
     }
 
     /// Number in SI.
-    pub fn number(&self, key: &str, value: &At<f64>, unit: Unit, bound: Bound) -> Result<f64> {
-        self.checked(key, *value.get_ref(), value.span(), unit, bound)
+    pub fn number<D>(&self, row: &Row<Number, D>, value: &At<f64>) -> Result<f64> {
+        self.checked(row.name, *value.get_ref(), value.span(), row.range)
+    }
+
+    /// Number in SI, or the default.
+    pub fn number_or(&self, row: &Row<Number, f64>, value: Option<At<f64>>) -> Result<f64> {
+        self.number(row, &row.or(value))
+    }
+
+    /// Number between two others, or the default.
+    pub fn within_or(&self, row: &Row<Within, f64>, value: Option<At<f64>>) -> Result<f64> {
+        let (value, range) = (row.or(value), row.range);
+        let found = self.checked(row.name, *value.get_ref(), value.span(), range.positive())?;
+        if range.holds(found) {
+            return Ok(found);
+        }
+        Err(Invalid::Number {
+            at: self.location(value.span()),
+            key: row.name.to_string(),
+            found,
+            wanted: range.wanted,
+            unit: range.unit.name,
+            example: row.default,
+        })
     }
 
     /// N numbers in SI.
-    pub fn vector<const N: usize>(
-        &self,
-        key: &'static str,
-        value: &Numbers,
-        unit: Unit,
-        bound: Bound,
-    ) -> Result<[f64; N]> {
-        self.length(key, value.get_ref().len(), N, value.span())?;
+    pub fn vector<const N: usize, D>(&self, row: &Row<Vector<N>, D>, value: &Numbers) -> Result<[f64; N]> {
+        self.length(row.name, value.get_ref().len(), N, value.span())?;
         let mut si = [0.0; N];
         for (i, found) in value.get_ref().iter().enumerate() {
-            si[i] = self.checked(&format!("{key}[{i}]"), *found, value.span(), unit, bound)?;
+            si[i] = self.checked(&format!("{}[{i}]", row.name), *found, value.span(), row.range.0)?;
         }
         Ok(si)
     }
 
+    /// N numbers in SI, or the default.
+    pub fn vector_or<const N: usize>(
+        &self,
+        row: &Row<Vector<N>, [f64; N]>,
+        value: Option<Numbers>,
+    ) -> Result<[f64; N]> {
+        self.vector(row, &row.or(value))
+    }
+
     /// Any number of vectors in SI.
-    pub fn points<const N: usize>(&self, key: &'static str, value: &Points, unit: Unit) -> Result<Vec<[f64; N]>> {
-        let points = value.get_ref().iter();
-        points.map(|point| self.vector(key, point, unit, Bound::Finite)).collect()
+    pub fn points<const N: usize, D>(&self, row: &Row<Vectors<N>, D>, value: &Points) -> Result<Vec<[f64; N]>> {
+        value.get_ref().iter().map(|point| self.vector(&row.each(), point)).collect()
     }
 
     /// Two corners in SI; the first must be below the second in each coordinate.
-    pub fn corners<const N: usize>(&self, key: &'static str, value: &Points) -> Result<[[f64; N]; 2]> {
-        let corners = self.points::<N>(key, value, MM)?;
-        self.length(key, corners.len(), 2, value.span())?;
+    pub fn corners<const N: usize, D>(&self, row: &Row<Vectors<N>, D>, value: &Points) -> Result<[[f64; N]; 2]> {
+        let corners = self.points(row, value)?;
+        self.length(row.name, corners.len(), 2, value.span())?;
         for (lower, upper) in corners[0].iter().zip(&corners[1]) {
             if lower > upper {
                 return Err(Invalid::Order {
                     at: self.location(value.span()),
-                    key,
+                    key: row.name,
                     lower: in_mm(*lower),
                     relation: "at most",
                     upper: in_mm(*upper),
@@ -207,31 +140,46 @@ impl<'a> SceneText<'a> {
         Err(Invalid::Length { at: self.location(span), key, found, wanted })
     }
 
-    fn counted(&self, key: &str, found: u32, span: Range<usize>, range: [u32; 2]) -> Result<u32> {
-        let [min, max] = range;
+    fn counted(&self, key: &str, found: u32, span: Range<usize>, range: Count) -> Result<u32> {
+        let Count { min, max } = range;
         if (min..=max).contains(&found) {
             return Ok(found);
         }
         Err(Invalid::Count { at: self.location(span), key: key.to_string(), found, min, max })
     }
 
-    /// A count in `[min, max]`.
-    pub fn count(&self, key: &str, value: &At<u32>, range: [u32; 2]) -> Result<u32> {
-        self.counted(key, *value.get_ref(), value.span(), range)
+    /// A count in its range.
+    pub fn count<D>(&self, row: &Row<Count, D>, value: &At<u32>) -> Result<u32> {
+        self.counted(row.name, *value.get_ref(), value.span(), row.range)
     }
 
-    /// Two counts, each in `[min, max]`.
-    pub fn counts(&self, key: &'static str, value: &Counts, range: [u32; 2]) -> Result<[u32; 2]> {
-        self.length(key, value.get_ref().len(), 2, value.span())?;
+    /// A count in its range, or the default.
+    pub fn count_or(&self, row: &Row<Count, u32>, value: Option<At<u32>>) -> Result<u32> {
+        self.count(row, &row.or(value))
+    }
+
+    /// Two counts, each in their range.
+    pub fn counts<D>(&self, row: &Row<TwoCounts, D>, value: &Counts) -> Result<[u32; 2]> {
+        self.length(row.name, value.get_ref().len(), 2, value.span())?;
         let mut counts = [0; 2];
         for (i, found) in value.get_ref().iter().enumerate() {
-            counts[i] = self.counted(&format!("{key}[{i}]"), *found, value.span(), range)?;
+            counts[i] = self.counted(&format!("{}[{i}]", row.name), *found, value.span(), row.range.0)?;
         }
         Ok(counts)
     }
 
+    /// Choice among the words of a key.
+    pub fn choice<T: Copy, D>(&self, row: &Row<Choice<T>, D>, value: &At<String>) -> Result<T> {
+        self.among(row.name, value, row.range.0)
+    }
+
+    /// Choice among the words of a key, or its default.
+    pub fn choice_or<T: Copy>(&self, row: &Row<Choice<T>, &'static str>, value: Option<At<String>>) -> Result<T> {
+        self.choice(row, &row.or(value))
+    }
+
     /// Choice among known words.
-    pub fn choice<T: Copy>(&self, key: &'static str, value: &At<String>, known: &[(&str, T)]) -> Result<T> {
+    pub fn among<T: Copy>(&self, key: &'static str, value: &At<String>, known: &[(&str, T)]) -> Result<T> {
         let found = value.get_ref();
         if let Some((_, chosen)) = known.iter().find(|(word, _)| word == found) {
             return Ok(*chosen);

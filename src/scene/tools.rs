@@ -6,11 +6,7 @@ use super::invalid::{Invalid, Result};
 use super::obj::{self, angle_cone, filter, lines};
 use super::raw::{self, At, Table};
 use super::round::{path, round};
-use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, KPA, MM, PLAIN, STIFFNESS, SceneText, Taken,
-    difference, normalized, or, or_vector,
-};
-use super::words::CORRECTIONS;
+use super::text::{SceneText, Taken, difference, normalized, or};
 use super::{Blade, Carve, Contact, Correction, Coupling, Loop, Pose, Skin, Tool, ToolMesh};
 use crate::formats::obj::Obj;
 use crate::math::elementary::{acos, hypot};
@@ -46,7 +42,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
     let round = raw.round.as_ref().map(|table| round(scene, &table.keys)).transpose()?;
     let lines = raw.lines.as_ref().map(|table| lines(scene, files, &table.keys)).transpose()?;
     alone(scene, &raw)?;
-    let points = raw.points_mm.as_ref().map(|points| scene.points("points_mm", points, MM));
+    let points = raw.points_mm.as_ref().map(|points| scene.points(&raw::Tool::points_mm, points));
     let tip_radius = tip_radius(scene, &raw)?;
     let trajectory = hand(scene, files, &raw, at.clone())?;
     let mesh = match (&raw.mesh, &round) {
@@ -59,7 +55,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
     Ok(Tool {
         name,
         mesh,
-        mass: scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?,
+        mass: scene.number(&raw::Tool::mass_g, &raw.mass_g)?,
         inertia: inertia(scene, &raw.inertia_g_mm2)?,
         blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
@@ -96,13 +92,12 @@ fn tip_radius(scene: &SceneText, raw: &raw::Tool) -> Result<f64> {
     if raw.points_mm.is_none() {
         scene.needless("tip_radius_mm", &raw.tip_radius_mm, "there is no `points_mm`")?;
     }
-    scene.number("tip_radius_mm", &or(raw.tip_radius_mm.clone(), 0.0), MM, Bound::NotNegative)
+    scene.number(&raw::Tool::tip_radius_mm, &or(raw.tip_radius_mm.clone(), 0.0))
 }
 
 /// Mesh file of a tool.
 fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) -> Result<ToolMesh> {
-    let unit = raw.mesh_unit_mm.clone();
-    let unit = scene.number("mesh_unit_mm", &or(unit, 1.0), MM, Bound::Positive)?;
+    let unit = scene.number(&raw::Tool::mesh_unit_mm, &or(raw.mesh_unit_mm.clone(), 1.0))?;
     let why = "a tool without a `round` table has no shape of its own to be drawn";
     let name = scene.required("mesh", raw.mesh.as_ref(), table, why)?;
     let (path, text) = files.text(scene, "mesh", name)?;
@@ -114,7 +109,7 @@ fn hand(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) 
     if raw.trajectory.is_some() {
         scene.needless("path_mm", &raw.path_mm, "`trajectory` already gives the hand")?;
     } else if let Some(points) = &raw.path_mm {
-        return path(scene, points);
+        return path(scene, &raw::Tool::path_mm, points);
     }
     let why = "a tool needs a hand: a file here, or rows [t_s, x, y, z] in `path_mm`";
     let name = scene.required("trajectory", raw.trajectory.as_ref(), table, why)?;
@@ -123,39 +118,25 @@ fn hand(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) 
 }
 
 fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
-    let stiffness = or(raw.stiffness_n_m, 1000.0);
-    let damping = or(raw.damping_n_s_m, 5.0);
-    let angular_stiffness = or(raw.angular_stiffness_n_m_rad, 1.0);
-    let angular_damping = or(raw.angular_damping_n_m_s_rad, 0.01);
     Ok(Coupling {
-        stiffness: scene.number("stiffness_n_m", &stiffness, STIFFNESS, Bound::Positive)?,
-        damping: scene.number("damping_n_s_m", &damping, DAMPING, Bound::NotNegative)?,
-        angular_stiffness: scene.number(
-            "angular_stiffness_n_m_rad",
-            &angular_stiffness,
-            ANGULAR_STIFFNESS,
-            Bound::Positive,
-        )?,
-        angular_damping: scene.number(
-            "angular_damping_n_m_s_rad",
-            &angular_damping,
-            ANGULAR_DAMPING,
-            Bound::NotNegative,
-        )?,
+        stiffness: scene.number_or(&raw::Coupling::stiffness_n_m, raw.stiffness_n_m)?,
+        damping: scene.number_or(&raw::Coupling::damping_n_s_m, raw.damping_n_s_m)?,
+        angular_stiffness: scene.number_or(&raw::Coupling::angular_stiffness_n_m_rad, raw.angular_stiffness_n_m_rad)?,
+        angular_damping: scene.number_or(&raw::Coupling::angular_damping_n_m_s_rad, raw.angular_damping_n_m_s_rad)?,
     })
 }
 
 fn carve(scene: &SceneText, raw: raw::Carve) -> Result<Carve> {
     Ok(Carve {
-        distance: scene.number("distance_mm", &or(raw.distance_mm, 0.1), MM, Bound::NotNegative)?,
-        pressure: scene.number("pressure_kpa", &or(raw.pressure_kpa, 0.0), KPA, Bound::NotNegative)?,
-        whole_cells: raw.whole_cells.unwrap_or(false),
+        distance: scene.number_or(&raw::Carve::distance_mm, raw.distance_mm)?,
+        pressure: scene.number_or(&raw::Carve::pressure_kpa, raw.pressure_kpa)?,
+        whole_cells: raw::Carve::whole_cells.or(raw.whole_cells).into_inner(),
     })
 }
 
 /// Principal moments of inertia, kg·m²; none is more than the other two together.
 fn inertia(scene: &SceneText, raw: &raw::Numbers) -> Result<[f64; 3]> {
-    let moments = scene.vector("inertia_g_mm2", raw, G_MM2, Bound::Positive)?;
+    let moments = scene.vector(&raw::Tool::inertia_g_mm2, raw)?;
     let in_g_mm2 = |moment: f64| (moment * 1e15).round() / 1e6;
     match too_large(moments) {
         Some([largest, others]) => Err(Invalid::Inertia {
@@ -212,8 +193,7 @@ fn unfit(skins: &[Skin], tool: &Tool, carve: Carve, correction: Correction) -> O
 }
 
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
-    let length = |key, value| scene.number(key, &value, MM, Bound::Positive);
-    let edge: Vec<[f64; 3]> = scene.points("edge_mm", &raw.edge_mm, MM)?;
+    let edge = scene.points(&raw::Blade::edge_mm, &raw.edge_mm)?;
     // edge: consecutive points must differ
     let apart = edge.windows(2).take_while(|pair| pair[0] != pair[1]).count();
     if edge.len() < 2 || apart + 1 < edge.len() {
@@ -223,18 +203,18 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
         });
     }
     // normal: nearly perpendicular to the chord of the edge
-    let normal = or_vector(raw.normal, &[0.0, 1.0, 0.0]);
-    let direction = normalized(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
+    let normal = raw::Blade::normal.or(raw.normal);
+    let direction = normalized(scene.vector(&raw::Blade::normal, &normal)?);
     let chord = normalized(difference(edge[edge.len() - 1], edge[0]));
     let angle = match (direction, chord) {
         (Some(direction), Some(chord)) => acos(dot(direction, chord).abs().min(1.0)).to_degrees(),
         _ => 0.0,
     };
     // depth and spacing, with a limit on the samples
-    let (edge_mm, depth) = (raw.edge_mm.span(), length("depth_mm", or(raw.depth_mm, 2.0))?);
+    let (edge_mm, depth) = (raw.edge_mm.span(), scene.number_or(&raw::Blade::depth_mm, raw.depth_mm)?);
     let spacing = [
-        length("edge_spacing_mm", or(raw.edge_spacing_mm, 0.4))?,
-        length("flat_spacing_mm", or(raw.flat_spacing_mm, 1.0))?,
+        scene.number_or(&raw::Blade::edge_spacing_mm, raw.edge_spacing_mm)?,
+        scene.number_or(&raw::Blade::flat_spacing_mm, raw.flat_spacing_mm)?,
     ];
     let found = samples(&edge, depth, spacing);
     if found > MOST_SAMPLES {
@@ -248,7 +228,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
             angle,
             allowed: NORMAL_SLACK,
         })?,
-        thickness: length("thickness_mm", raw.thickness_mm)?,
+        thickness: scene.number(&raw::Blade::thickness_mm, &raw.thickness_mm)?,
         edge_spacing: spacing[0],
         flat_spacing: spacing[1],
         depth,
@@ -280,31 +260,29 @@ pub(super) fn ticks(scene: &SceneText, step_ms: Range<usize>, step: f64, rate: f
 
 /// Contact law; missing keys get their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> Result<Contact> {
-    let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
-    let correction = or(raw.correction, "exact".to_string());
     let filter = filter(scene, raw.filter, tools)?;
     Ok(Contact {
-        friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
-        alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
-        distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
+        friction: scene.number_or(&raw::Contact::friction, raw.friction)?,
+        alarm: scene.number_or(&raw::Contact::alarm_mm, raw.alarm_mm)?,
+        distance: scene.number_or(&raw::Contact::distance_mm, raw.distance_mm)?,
         forces: forces(scene, raw.forces, raw.penalty_n_m)?,
-        correction: scene.choice("correction", &correction, &CORRECTIONS)?,
+        correction: scene.choice_or(&raw::Contact::correction, raw.correction)?,
         filter,
         angle_cone: angle_cone(scene, raw.angle_cone, filter, tools)?,
-        max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
-        lips: raw.lips.is_some_and(|word| *word.get_ref()),
-        tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
-        column_tolerance: number("column_tolerance", raw.column_tolerance, 0.2, PLAIN, Bound::Fraction)?,
-        max_passes: scene.count("max_passes", &or(raw.max_passes, 16), [1, 100])?,
+        max_contacts: scene.count_or(&raw::Contact::max_contacts, raw.max_contacts)?,
+        lips: raw::Contact::lips.or(raw.lips).into_inner(),
+        tolerance: scene.number_or(&raw::Contact::tolerance, raw.tolerance)?,
+        column_tolerance: scene.number_or(&raw::Contact::column_tolerance, raw.column_tolerance)?,
+        max_passes: scene.count_or(&raw::Contact::max_passes, raw.max_passes)?,
     })
 }
 
 fn forces(scene: &SceneText, forces: Option<At<String>>, stiffness: Option<At<f64>>) -> Result<Loop> {
-    let forces = or(forces, "constraints".to_string());
-    if scene.choice("forces", &forces, &[("constraints", false), ("penalty", true)])? {
+    let forces = raw::Contact::forces.or(forces);
+    if scene.choice(&raw::Contact::forces, &forces)? {
         let why = "forces = \"penalty\" asks for the spring's stiffness";
         let stiffness = scene.required("penalty_n_m", stiffness, forces.span(), why)?;
-        return Ok(Loop::Penalty(scene.number("penalty_n_m", &stiffness, STIFFNESS, Bound::Positive)?));
+        return Ok(Loop::Penalty(scene.number(&raw::Contact::penalty_n_m, &stiffness)?));
     }
     scene.needless("penalty_n_m", &stiffness, "it belongs to forces = \"penalty\"")?;
     Ok(Loop::Constraints)

@@ -1,6 +1,6 @@
-//! Rigid bodies, walls, attachments and the contact law.
+//! Rigid bodies, their devices, walls, attachments and the contact law.
 
-use super::{Device, Region};
+use super::Region;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -256,4 +256,115 @@ pub struct Contact {
     /// Maximum passes of the exact correction; two are usual, redundant contacts take more. A step that needs more counts as
     /// `contact_passes_exhausted` if the best pass leaves a perceptible residual.
     pub max_passes: u32,
+}
+
+/// The haptic loop.
+#[derive(Clone, Copy, Debug)]
+pub struct Haptic {
+    /// Ticks per second.
+    pub rate: f64,
+}
+
+/// Rendering method of the force on the hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Rendering {
+    /// Virtual coupling between hand and tool, in series with the skin.
+    #[default]
+    Coupling,
+    /// Direct: as if the hand held the tool rigidly, so that it feels the skin's compliance only.
+    Direct,
+}
+
+/// Role of a button.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Nothing.
+    None,
+    /// The blade cuts while it is pressed, and is blunt otherwise.
+    Active,
+    /// While it is pressed the hand moves and the tool stays.
+    Clutch,
+    /// While it is pressed tool and force are frozen.
+    Freeze,
+}
+
+/// Kind of a tool's device.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DeviceKind {
+    /// The tool's recorded path, which ignores forces.
+    Replay,
+    /// A simulated hand that follows the tool's path and yields to the force.
+    Hand {
+        /// kg
+        mass: f64,
+        /// Stiffness of the spring to the path, N/m.
+        stiffness: f64,
+        /// N·s/m
+        damping: f64,
+        /// Resolution of the encoders, m; 0 for exact ones.
+        encoder: f64,
+    },
+    /// At rest at the start of the tool's path.
+    Null,
+    /// A device behind the Haply Inverse Service.
+    Haply {
+        /// Address of the service.
+        url: String,
+        /// Name of the device; empty for the first one.
+        device: String,
+        /// Name of the grip; empty for the first one.
+        grip: String,
+    },
+}
+
+/// Device that holds a tool.
+#[derive(Clone, Debug)]
+pub struct Device {
+    /// Kind of device.
+    pub kind: DeviceKind,
+    /// Rendering method.
+    pub rendering: Rendering,
+    /// Newtons on the hand per newton on the tool.
+    pub force_scale: f64,
+    /// Force limit, N; infinite for the device's own.
+    pub max_force: f64,
+    /// Torque limit, N·m; infinite for the device's own.
+    pub max_torque: f64,
+    /// Largest distance of the end effector from the device's origin, m of the device; readings beyond it are invalid. Infinite for a tool
+    /// without a device.
+    pub workspace: f64,
+    /// Position of the device's origin in the scene, m.
+    pub position: [f64; 3],
+    /// Rotation of the device's frame, unit quaternion.
+    pub rotation: [f64; 4],
+    /// Metres of the scene per metre of the device.
+    pub scale: f64,
+    /// Origin of the tool in the frame of the device's end effector, m.
+    pub tool: [f64; 3],
+    /// Rotation of the tool in that frame, unit quaternion.
+    pub tool_rotation: [f64; 4],
+    /// `[button]` role.
+    pub buttons: Vec<Role>,
+    /// Use the passivity controller.
+    pub passivity: bool,
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        Self {
+            kind: DeviceKind::Replay,
+            rendering: Rendering::Coupling,
+            force_scale: 1.0,
+            max_force: f64::INFINITY,
+            max_torque: f64::INFINITY,
+            workspace: f64::INFINITY,
+            position: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            scale: 1.0,
+            tool: [0.0; 3],
+            tool_rotation: [0.0, 0.0, 0.0, 1.0],
+            buttons: vec![],
+            passivity: true,
+        }
+    }
 }

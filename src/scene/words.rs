@@ -1,59 +1,33 @@
-//! Names of the choices in a scene file, used for reading and for output in reports and studies.
+//! Names of the choices in a scene file, as its tables declare them, for output in reports and studies.
 
-use super::{Component, Correction, Element, Integrator, OutputField, Preconditioner, SurfaceFormat};
+use super::raw::{Contact, Probe, Skin, Solver, Time};
+use super::{Component, Correction, Element, Integrator, Preconditioner};
+
+type Words<T, const N: usize> = [(&'static str, T); N];
+
+/// All words of a choice.
+const fn all<T: Copy, const N: usize>(words: &[(&'static str, T)]) -> Words<T, N> {
+    assert!(words.len() == N);
+    *words.first_chunk().expect("as many")
+}
 
 /// Elements of hexahedra.
-pub const ELEMENTS: [(&str, Element); 3] =
-    [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
+pub const ELEMENTS: Words<Element, 3> = *Skin::element.range.0.first_chunk().expect("the first three");
 
 /// Elements of tetrahedra.
-pub const TETRAHEDRA: [(&str, Element); 2] = [("tetra", Element::Tetra), ("plain_tetra", Element::PlainTetra)];
+pub const TETRAHEDRA: Words<Element, 2> = *Skin::element.range.0.last_chunk().expect("the last two");
 
 /// Integrators.
-pub const INTEGRATORS: [(&str, Integrator); 5] = [
-    ("implicit_euler", Integrator::ImplicitEuler),
-    ("newmark", Integrator::Newmark),
-    ("midpoint", Integrator::Midpoint),
-    ("symplectic_euler", Integrator::SymplecticEuler),
-    ("static", Integrator::Static),
-];
+pub const INTEGRATORS: Words<Integrator, 5> = all(Time::integrator.range.0);
 
 /// Contact corrections.
-pub const CORRECTIONS: [(&str, Correction); 3] =
-    [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
+pub const CORRECTIONS: Words<Correction, 3> = all(Contact::correction.range.0);
 
 /// Components of strain and stress; the last is for stress.
-pub const COMPONENTS: [(&str, Component); 7] = [
-    ("xx", Component::Entry(0, 0)),
-    ("yy", Component::Entry(1, 1)),
-    ("zz", Component::Entry(2, 2)),
-    ("xy", Component::Entry(0, 1)),
-    ("yz", Component::Entry(1, 2)),
-    ("zx", Component::Entry(2, 0)),
-    ("von_mises", Component::VonMises),
-];
-
-/// Fields of saved meshes.
-pub const OUTPUT_FIELDS: [(&str, OutputField); 4] = [
-    ("stress", OutputField::Stress),
-    ("strain", OutputField::Strain),
-    ("alive", OutputField::Alive),
-    ("stiffness", OutputField::Stiffness),
-];
-
-/// Formats of saved surfaces.
-pub const SURFACE_FORMATS: [(&str, SurfaceFormat); 3] =
-    [("glb", SurfaceFormat::Glb), ("obj", SurfaceFormat::Obj), ("stl", SurfaceFormat::Stl)];
+pub const COMPONENTS: Words<Component, 7> = all(Probe::component.range.0);
 
 /// Preconditioners; the last two are for hexahedra, the last three not for tetrahedra.
-pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [
-    ("none", Preconditioner::None),
-    ("jacobi", Preconditioner::Jacobi),
-    ("block", Preconditioner::Block),
-    ("column", Preconditioner::Column),
-    ("multigrid", Preconditioner::Multigrid),
-    ("direct", Preconditioner::Direct),
-];
+pub const PRECONDITIONERS: Words<Preconditioner, 6> = all(Solver::preconditioner.range.0);
 
 /// Name of a value; empty if it has none.
 pub fn word<T: PartialEq>(table: &[(&'static str, T)], value: T) -> &'static str {
