@@ -21,3 +21,23 @@ pub fn matching(word: Option<&str>) -> Vec<Key> {
         false => found,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_says_of_each_key_what_the_list_says() {
+        let (mut rest, mut table) = (page!(), "");
+        for key in keys() {
+            let heading = format!("## {}\n", key.table);
+            let row = format!("\n| `{}` | {} | {} | {} |\n", key.name, key.default, key.range, key.meaning);
+            let from = if key.table == table { Some(0) } else { rest.find(&heading) };
+            let at = from.and_then(|from| Some(from + rest[from..].find(&row)?)).unwrap_or_else(|| panic!("{key:?}"));
+            // the rows between are of other keys
+            assert_eq!(rest[..at].matches("| `").count(), 0, "{key:?}");
+            (rest, table) = (&rest[at + row.len() - 1..], key.table);
+        }
+        assert_eq!(rest.trim(), "");
+    }
+}

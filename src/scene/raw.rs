@@ -1,4 +1,5 @@
-//! The scene file as TOML has it: keys with units, every value with its location in the text.
+//! The scene file as TOML has it: keys with units, every value with its location in the text. `table` declares the tables, `row` has what
+//! a key of theirs is to the reader; `keys` lists them.
 //!
 //! Lists are `Vec`, not arrays, because TOML arrays deserialise into shorter Rust arrays without an error.
 

@@ -1,4 +1,5 @@
-//! The page of keys (`src/scene/keys.md`) against the reader of scenes: the same keys, the defaults that it takes, the ranges that it keeps.
+//! The page of keys (`scene::keys`) against the reader of scenes: the same keys, the defaults that it takes, the ranges that it keeps. Both are
+//! made of the tables in `src/scene/raw`; a range or a default in words, and a row that the reader passes by, show here.
 
 use cutis::error::{Error, Result};
 use cutis::scene::keys::{Key, keys, matching};

@@ -142,7 +142,7 @@ impl Kind for Within {
 }
 
 impl Within {
-    /// What it is beside its ends.
+    /// A positive number, in the same unit.
     pub fn positive(&self) -> Number {
         Number { unit: self.unit, bound: Bound::Positive }
     }
@@ -169,7 +169,7 @@ pub struct Vectors<const N: usize> {
 
 impl<const N: usize> Kind for Vectors<N> {
     type File = Points;
-    type Default = [[f64; N]; 0];
+    type Default = ();
 }
 
 impl<const N: usize, D> Row<Vectors<N>, D> {

@@ -20,40 +20,21 @@ pub struct Key {
 }
 
 /// Bound of a number: for the reader, and in words.
+#[rustfmt::skip]
 macro_rules! bound {
-    (range) => {
-        Bound::Finite
-    };
-    (text) => {
-        "number"
-    };
-    (range > 0) => {
-        Bound::Positive
-    };
-    (text > 0) => {
-        "> 0"
-    };
-    (range >= 0) => {
-        Bound::NotNegative
-    };
-    (text >= 0) => {
-        "≥ 0"
-    };
-    (range 0 < x < 1) => {
-        Bound::Fraction
-    };
-    (text 0 < x < 1) => {
-        "0 < x < 1"
-    };
-    (range -0.5 < x < 1) => {
-        Bound::Strain
-    };
-    (text -0.5 < x < 1) => {
-        "-0.5 < x < 1"
-    };
+    (range) => { Bound::Finite };
+    (text) => { "number" };
+    (range > 0) => { Bound::Positive };
+    (text > 0) => { "> 0" };
+    (range >= 0) => { Bound::NotNegative };
+    (text >= 0) => { "≥ 0" };
+    (range 0 < x < 1) => { Bound::Fraction };
+    (text 0 < x < 1) => { "0 < x < 1" };
+    (range -0.5 < x < 1) => { Bound::Strain };
+    (text -0.5 < x < 1) => { "-0.5 < x < 1" };
 }
 
-/// Words of a choice, in words.
+/// Words of a choice, as the page has them.
 macro_rules! either {
     ($first:literal $(, $word:literal)*) => { concat!("`\"", $first, "\"`" $(, ", `\"", $word, "\"`")*) };
 }
@@ -142,28 +123,15 @@ macro_rules! field {
 }
 
 /// Default of a key: its type, its value, and in words.
+#[rustfmt::skip]
 macro_rules! default {
-    (type $kind:ty; = $default:tt) => {
-        <$kind as Kind>::Default
-    };
-    (type $kind:ty; $(or $words:literal)?) => {
-        ()
-    };
-    (value = $default:tt) => {
-        $default
-    };
-    (value $(or $words:literal)?) => {
-        ()
-    };
-    (text = $default:tt) => {
-        concat!("`", stringify!($default), "`")
-    };
-    (text or $words:literal) => {
-        $words
-    };
-    (text) => {
-        ""
-    };
+    (type $kind:ty; = $default:tt) => { <$kind as Kind>::Default };
+    (type $kind:ty; $(or $words:literal)?) => { () };
+    (value = $default:tt) => { $default };
+    (value $(or $words:literal)?) => { () };
+    (text = $default:literal) => { concat!("`", stringify!($default), "`") };
+    (text = [$($first:literal $(, $other:literal)*)?]) => { concat!("`[", $($first $(, ", ", $other)*,)? "]`") };
+    (text $(or $words:literal)?) => { concat!($($words)?) };
 }
 
 macro_rules! table {

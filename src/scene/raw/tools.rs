@@ -126,8 +126,8 @@ table! {
         max_force_n: number(NEWTON, >= 0) or "(what the device can give)",
         /// Largest torque asked of the device.
         max_torque_n_mm: number(N_MM, >= 0) or "(what the device can give)",
-        /// Distance from its origin beyond which a reading is unsound.
         // default: larger than that of any device, so that only faulty readings exceed it
+        /// Distance from its origin beyond which a reading is unsound.
         workspace_mm: number(MM, > 0) = 10000.0,
         /// Origin of the device's frame in the scene.
         position_mm: vector(3, MM) = [0.0, 0.0, 0.0],
