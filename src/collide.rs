@@ -183,8 +183,8 @@ pub struct Patch {
     ids: Vec<u32>,
     /// Node ids; empty if faces are four triangles about their centre, which is no node.
     triangles: Vec<[u32; 3]>,
-    /// Nodes of such faces.
-    quarters: Vec<[u32; 4]>,
+    /// Nodes of such faces and their shares in its centre.
+    quarters: Vec<([u32; 4], [f64; 4])>,
     cells: Vec<u32>,
     walls: Vec<bool>,
     corners: Vec<[DVec3; 3]>,
@@ -195,20 +195,32 @@ fn to_f32(p: DVec3) -> Vector {
     p.as_vec3()
 }
 
+/// Whether one half of a quad, split along the diagonal from its first corner, lies over the other.
+fn folds([a, b, c, d]: [DVec3; 4]) -> bool {
+    (b - a).cross(c - a).dot((c - a).cross(d - a)) < 0.0
+}
+
 /// Splits a face in two; along its other diagonal if the first folds one half over, as in a quad with a reflex corner, such as the lip of a
 /// wound may have. (Below a half that lies face down all of the air counted as inside.)
 fn halves(face: &Face, position: impl Fn(u32) -> DVec3) -> impl Iterator<Item = [u32; 3]> {
     let [a, b, c, d] = face.nodes;
-    let folds = |halves: [[u32; 3]; 2]| {
-        let [first, second] = halves.map(|half| {
-            let [p, q, r] = half.map(&position);
-            (q - p).cross(r - p)
-        });
-        first.dot(second) < 0.0
-    };
+    let [p, q, r, s] = face.nodes.map(&position);
     let (first, other) = ([[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]);
-    let turned = !face.is_triangle() && folds(first) && !folds(other);
+    let turned = !face.is_triangle() && folds([p, q, r, s]) && !folds([q, r, s, p]);
     if turned { other } else { first }.into_iter().take(face.triangles().count())
+}
+
+/// Shares of a quad's corners in its centre: their mean, or if a quarter about that would be folded over, the middle of the diagonal that
+/// folds nothing.
+fn centre(corners: [DVec3; 4]) -> [f64; 4] {
+    let [a, b, c, d] = corners;
+    let (normal, mean) = (area_normal(corners), (a + b + c + d) * 0.25);
+    let over = |k: usize| (corners[k] - mean).cross(corners[(k + 1) % 4] - mean).dot(normal) < 0.0;
+    match (0..4).any(over) {
+        true if !folds([a, b, c, d]) => [0.5, 0.0, 0.5, 0.0],
+        true if !folds([b, c, d, a]) => [0.0, 0.5, 0.0, 0.5],
+        _ => [0.25; 4],
+    }
 }
 
 impl Patch {
@@ -430,30 +442,33 @@ impl Patch {
         ids.dedup();
         let origin = position(*ids.first()?);
         let local = |id: u32| ids.binary_search(&id).unwrap_or(0) as u32;
-        let centre = |q: &Face| q.nodes.iter().map(|id| position(*id)).sum::<DVec3>() * 0.25;
-        let points = ids.iter().map(|id| position(*id)).chain(faces.iter().map(centre));
-        let vertices = points.map(|p| to_f32(p - origin)).collect();
-        let (mut indices, mut corners) = (vec![], vec![]);
-        for (number, face) in faces.iter().enumerate() {
-            for (a, b) in (0..4).map(|k| (face.nodes[k], face.nodes[(k + 1) % 4])) {
-                indices.push([local(a), local(b), (ids.len() + number) as u32]);
-                corners.push([position(a), position(b), centre(face)]);
+        let mut points: Vec<DVec3> = ids.iter().map(|id| position(*id)).collect();
+        let (mut indices, mut corners, mut quarters) = (vec![], vec![], vec![]);
+        for face in faces {
+            let own = face.nodes.map(&position);
+            let shares = centre(own);
+            let middle = own.iter().zip(shares).map(|(p, share)| *p * share).sum();
+            for (k, next) in (0..4).map(|k| (k, (k + 1) % 4)) {
+                indices.push([local(face.nodes[k]), local(face.nodes[next]), points.len() as u32]);
+                corners.push([own[k], own[next], middle]);
             }
+            points.push(middle);
+            quarters.push((face.nodes, shares));
         }
+        let vertices = points.into_iter().map(|p| to_f32(p - origin)).collect();
         let mesh = TriMesh::with_flags(vertices, indices, TriMeshFlags::ORIENTED).ok()?;
         let cells = faces.iter().flat_map(|q| [q.cell; 4]).collect();
         let walls = faces.iter().flat_map(|q| [q.wall; 4]).collect();
-        let quarters = faces.iter().map(|q| q.nodes).collect();
         Some(Self { mesh, ids, triangles: vec![], quarters, cells, walls, corners, origin })
     }
 
     /// Material point of a triangle with these weights.
     pub fn material_point(&self, triangle: usize, weights: [f64; 3]) -> MaterialPoint {
         match self.quarters.get(triangle / 4) {
-            Some(nodes) => {
-                // a quarter of the face: two corners, and the centre, the mean of all four
+            Some((nodes, shares)) => {
+                // a quarter of the face: two corners and the centre
                 let ([u, v, w], quarter) = (weights, triangle % 4);
-                let mut weights = [0.25 * w; 4];
+                let mut weights = shares.map(|share| share * w);
                 weights[quarter] += u;
                 weights[(quarter + 1) % 4] += v;
                 MaterialPoint::of(*nodes, weights)
@@ -554,4 +569,26 @@ fn flat_contact(
         depth: 0.0,
         law: Law::Coulomb { friction: search.friction, bound },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn above_a_quad_with_a_reflex_corner_is_outside() {
+        let corners = [[0.0, 3.0], [-3.0, -3.0], [0.0, 2.0], [3.0, -3.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let face = Face { nodes: [0, 1, 2, 3], cell: 0, wall: false };
+        // its mean lies in the notch
+        assert_eq!(centre(corners), [0.5, 0.0, 0.5, 0.0]);
+        assert_eq!(centre([corners[1], corners[2], corners[3], corners[0]]), [0.0, 0.5, 0.0, 0.5]);
+        assert_eq!(centre([DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y]), [0.25; 4], "the counter-test");
+        let position = |id: u32| corners[id as usize];
+        for patch in [Patch::about_centres(&[face], position), Patch::new(&[face], position)] {
+            let patch = patch.expect("it has a face");
+            for (at, inside) in [([0.0, 0.0, 0.5], false), ([0.0, 2.5, 0.5], false), ([0.0, 2.5, -0.5], true)] {
+                assert_eq!(patch.project(DVec3::from_array(at)).2 < 0.0, inside, "{at:?}");
+            }
+        }
+    }
 }

@@ -8,10 +8,9 @@
 //!
 //! A follower pressure acts along the normal of the deformed face, on its area: `f_a = −p ∫ N_a (x_ξ × x_η) dξ dη` with the positions
 //! `x(ξ, η) = Σ N_a x_a`. The integrand is of degree 2 in each coordinate, so two Gauss points per axis are exact, and a closed surface under
-//! uniform pressure has no resultant. The positions are those at the start of a step (lagged); static steps repeat their solves until the
-//! balance holds with the pressure on the shape that they end in. These repetitions converge while the pressure is small against the stiffness:
-//! a neo-Hookean block of ν 0.45 under a twentieth of its Young's modulus does, under a fifth it does not, and the step ends in an error.
-//! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, which is why the pressure lags.
+//! uniform pressure has no resultant. The positions are those at the start of a step; static steps and those in full ([`crate::scene::Scene::in_full`])
+//! repeat their solves until the balance holds with the pressure on the shape that they end in.
+//! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, so the repetitions converge linearly.
 //!
 //! A triangle of a mesh or of an embedded surface has parts in the region that are triangles too: a part of the area `A` with its middle at the
 //! barycentric coordinates `b_a` gives the corners `f_a = t A b_a`, which is exact, of a follower pressure with

@@ -227,6 +227,10 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if newton && !scene.skins.iter().all(hyperelastic) {
         list.push(count("solver", 1, "step"));
     }
+    if scene.has_followers() {
+        // their nodes at its start, and the increment so far
+        list.push(count("pressures", 1, "solve of a step"));
+    }
     if probes(scene) > 0 || scene.contact.is_some() {
         // probes, what the next search for contacts asks for, and what was cut
         list.push(count("state", 1, "step"));

@@ -4,7 +4,7 @@ mod skin;
 mod tool;
 
 use super::devices::RATES;
-use super::integrator::unfit_for_static;
+use super::integrator::{FOLLOWED, fits_loads, unfit_for_static};
 use super::invalid::{Invalid, Result};
 use super::outputs::LARGEST_PICTURE;
 use super::*;
@@ -308,6 +308,13 @@ impl Scene {
                 "without x or y",
                 "with both where nodes are turned",
             )?;
+            let path = boundary.path.iter().map(|pose| &pose.position);
+            let unheld = path.chain([&boundary.displacement]).any(|by| boundary.leaves(by));
+            part.of("axes").that(
+                !unheld,
+                "without one that nodes are moved along",
+                "with those that nodes are moved along",
+            )?;
             self.check_region(&part, boundary.body, &boundary.region)?;
         }
         for (k, spring) in self.rest_springs.iter().enumerate() {
@@ -506,10 +513,12 @@ impl Scene {
     /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
         super::embedded::fits(self)?;
-        let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
         let refinements = scene.of("solver.refinements");
-        let newton = self.in_full() || hyperelastic && self.newton();
-        refinements.that(!newton || self.solver.refinements == 0, self.solver.refinements, "0 with Newton's method")?;
+        refinements.that(
+            !self.balances_law() || self.solver.refinements == 0,
+            self.solver.refinements,
+            "0 with Newton's method",
+        )?;
         if let Some(why) =
             self.unfit_for_newton().filter(|_| self.solver.newton && self.skins.iter().any(hyperelastic::large_strain))
         {
@@ -526,6 +535,8 @@ impl Scene {
         {
             return Err(integrator.refuse(format!("Static, which {why}"), "another"));
         }
+        let fits = fits_loads(self.time.integrator, &self.skins, &self.loads);
+        integrator.that(fits, format!("Midpoint, which {FOLLOWED}"), "ImplicitEuler with `solver.newton`")?;
         let fits = self.skins.iter().all(|skin| self.time.integrator.fits(skin.law));
         integrator.that(fits, "Newmark or Midpoint", "one that is stable with the law (`Integrator::fits`)")?;
         if self.time.integrator == Integrator::SymplecticEuler {

@@ -201,16 +201,19 @@ pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
     hyperelastic.into_iter().chain(others).collect()
 }
 
-/// Why steps cannot be solved to their nonlinear balance, or why asking is needless; `touching` is the correction of a scene with contact.
+/// Why steps cannot be solved to their nonlinear balance, or why asking is needless; `touching` is the correction of a scene with contact,
+/// `followed` says whether follower pressures act.
 pub(super) fn unfit_for_newton(
     skins: &[Skin],
     touching: Option<Correction>,
+    followed: bool,
     integrator: Integrator,
 ) -> Option<&'static str> {
     match (touching, integrator) {
         _ if !skins.iter().any(large_strain) => Some("only hyperelastic laws have a nonlinear balance to solve for"),
         (_, Integrator::SymplecticEuler) => Some("integrator = \"symplectic_euler\" solves no system"),
         (Some(_), Integrator::Static) => Some("static steps with contact are solved in full already"),
+        (_, Integrator::Static) if followed => Some("static steps with follower pressures are solved in full already"),
         (Some(Correction::Uncoupled | Correction::Precomputed), _) => {
             Some("with contact it needs correction = \"exact\", since each solve goes on from the last one's forces")
         }
@@ -223,21 +226,22 @@ pub(super) fn large_strain(skin: &Skin) -> bool {
     matches!(skin.law, Law::Hyperelastic(_) | Law::LargeTetra { .. })
 }
 
-/// Rejects what Newton's method does not support; `touching` as for [`unfit_for_newton`].
+/// Rejects what Newton's method does not support; `touching` and `followed` as for [`unfit_for_newton`].
 pub(super) fn fits(
     scene: &SceneText,
     skins: &[Skin],
     touching: Option<Correction>,
+    followed: bool,
     integrator: Integrator,
     solver: &raw::Solver,
 ) -> Result<()> {
     let asked = solver.newton.as_ref().filter(|newton| *newton.get_ref());
-    if let (Some(newton), Some(why)) = (asked, unfit_for_newton(skins, touching, integrator)) {
+    if let (Some(newton), Some(why)) = (asked, unfit_for_newton(skins, touching, followed, integrator)) {
         return Err(Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why });
     }
     let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let in_full = asked.is_some() && integrator == Integrator::ImplicitEuler;
-    if in_full || hyperelastic && integrator.newton(false, touching.is_some()) {
+    if in_full || hyperelastic && !followed && integrator.newton(false, touching.is_some()) {
         let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
         return match &solver.refinements {
             Some(rounds) if *rounds.get_ref() > 0 => scene.needless("refinements", &solver.refinements, why),

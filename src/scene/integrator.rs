@@ -1,9 +1,10 @@
 //! Integrator of a scene, and its compatibility with the bodies.
 
+use super::hyperelastic::large_strain;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
 use super::text::SceneText;
-use super::{Integrator, Law, Mass, Skin, Tool};
+use super::{Integrator, Law, Load, Mass, Skin, Tool};
 
 /// Integrator of a scene; `touching` is true if bodies can touch or are attached.
 pub(super) fn integrator(
@@ -12,6 +13,7 @@ pub(super) fn integrator(
     solver: &raw::Solver,
     skins: &[Skin],
     tools: &[Tool],
+    loads: &[Load],
     touching: bool,
 ) -> Result<Integrator> {
     let word = raw::Time::integrator.or(word);
@@ -31,6 +33,9 @@ pub(super) fn integrator(
     if touching {
         let why = "is for one body that touches nothing, and this scene has tools, walls, ties or several bodies";
         return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
+    }
+    if !fits_loads(integrator, skins, loads) {
+        return Err(unfit(FOLLOWED, "take \"implicit_euler\" with newton = true, or follower = false"));
     }
     if matches!(integrator, Integrator::Newmark | Integrator::Midpoint) {
         return Ok(integrator);
@@ -65,6 +70,16 @@ pub(super) fn unfit_for_static(skins: &[Skin], tools: &[Tool]) -> Option<(&'stat
     }
     let moving = skins.iter().any(|skin| skin.velocity != [0.0; 3]);
     moving.then_some(("has no velocities", "leave velocity_m_s out"))
+}
+
+/// Why the midpoint rule does not go with follower pressures on hyperelastic bodies.
+pub(super) const FOLLOWED: &str =
+    "minimises a potential of each step of a hyperelastic body, and a pressure that follows the surface has none there";
+
+/// Whether an integrator goes with the loads.
+pub(super) fn fits_loads(integrator: Integrator, skins: &[Skin], loads: &[Load]) -> bool {
+    let large = |load: &Load| large_strain(&skins[load.body]);
+    integrator != Integrator::Midpoint || !loads.iter().any(|load| load.follows() && large(load))
 }
 
 /// Rejects an integrator that gains energy with a law.

@@ -164,7 +164,7 @@ pub enum Invalid {
     },
 
     /// A missing key.
-    #[error("{at}: the key `{key}` is missing; {why}; add it to this table")]
+    #[error("{at}: the key `{key}` is missing; {why}; add it to this table (`cutis keys {key}` explains it)")]
     MissingKey {
         /// The table's first line; line 1 for the file itself.
         at: Location,

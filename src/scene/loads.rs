@@ -27,6 +27,12 @@ impl Load {
     }
 }
 
+/// Whether one of these is a follower pressure that acts within a run of this duration, s.
+pub(super) fn followed(loads: &[Load], duration: f64) -> bool {
+    let acts = |load: &Load| load.start < duration && load.kind.numbers() != [0.0];
+    loads.iter().any(|load| load.follows() && acts(load))
+}
+
 impl LoadKind {
     /// Its numbers.
     pub(super) fn numbers(&self) -> Vec<f64> {

@@ -56,6 +56,7 @@ pub use touching::{
 
 pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
 
+use loads::followed;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -164,25 +165,37 @@ impl Scene {
     }
 
     /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; by the midpoint rule, whose steps are of second
-    /// order only so; and in static steps where nothing may touch.
+    /// order only so; and in static steps where nothing may touch. Not with follower pressures: the potential that it minimises is of loads
+    /// that stay, and a body under their pressure turns or buckles.
     pub fn newton(&self) -> bool {
-        self.time.integrator.newton(self.solver.newton, self.contact.is_some())
+        !self.has_followers() && self.time.integrator.newton(self.solver.newton, self.contact.is_some())
     }
 
-    /// Whether steps are solved in full without Newton's method, as those with contact and of hyperelastic tetrahedra are where `solver.newton`
-    /// asks for it: again with what their linearisation leaves of the law ([`crate::kernels::defect`]), until law and contact hold together.
-    /// Static steps always are.
+    /// Whether steps are solved in full without Newton's method, as those with contact or follower pressures and of hyperelastic tetrahedra are
+    /// where `solver.newton` asks for it: again with what their linearisation leaves of the law ([`crate::kernels::defect`]), until law,
+    /// contact and pressures hold together. Static steps always are.
     pub fn in_full(&self) -> bool {
         let implicit = self.time.integrator == Integrator::ImplicitEuler;
         let of_tetrahedra = self.skins.iter().any(|skin| matches!(skin.law, Law::LargeTetra { .. }));
-        let touched = self.contact.is_some() && self.skins.iter().any(hyperelastic::large_strain);
-        self.solver.newton && implicit && (touched || of_tetrahedra)
+        let large = self.skins.iter().any(hyperelastic::large_strain);
+        self.solver.newton && implicit && (of_tetrahedra || large && (self.contact.is_some() || self.has_followers()))
+    }
+
+    /// Whether steps of hyperelastic bodies end in the balance of the law, by Newton's method or in full.
+    pub(crate) fn balances_law(&self) -> bool {
+        let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
+        self.in_full() || hyperelastic && self.newton()
+    }
+
+    /// Whether a follower pressure acts within the run.
+    pub(crate) fn has_followers(&self) -> bool {
+        followed(&self.loads, self.time.duration)
     }
 
     /// Why `solver.newton` does not go with the rest of the scene, if so.
     pub(crate) fn unfit_for_newton(&self) -> Option<&'static str> {
         let correction = self.contact.map(|contact| contact.correction);
-        hyperelastic::unfit_for_newton(&self.skins, correction, self.time.integrator)
+        hyperelastic::unfit_for_newton(&self.skins, correction, self.has_followers(), self.time.integrator)
     }
 
     /// Whether a tool carves space out of a deformable body.
@@ -525,6 +538,13 @@ pub struct Boundary {
     pub rotation: f64,
     /// Displacement over time on top of both, linear between the poses' times; rotations are unused. Empty: none.
     pub path: Vec<Pose>,
+}
+
+impl Boundary {
+    /// Whether a vector has a part along an axis that is not held.
+    fn leaves(&self, by: &[f64; 3]) -> bool {
+        (0..3).any(|n| !self.axes[n] && by[n] != 0.0)
+    }
 }
 
 impl Default for Boundary {

@@ -1,6 +1,6 @@
 //! Notes on a valid scene: what runs, but is seldom meant.
 
-use super::{BodyId, LoadKind, Pose, Region, Scene, Skin, Tool};
+use super::{BodyId, Integrator, Load, LoadKind, Pose, Region, Scene, Skin, Tool};
 use glam::{DQuat, DVec3};
 
 /// Share of a step by which a duration may miss a multiple of it; decimal numbers of the file are rounded to 10⁻¹⁶ of their value.
@@ -55,8 +55,8 @@ impl Tool {
 
 impl Scene {
     /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
-    /// holds or supports them, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late, a blade that
-    /// is led backward. A body that nothing pushes may float.
+    /// holds or supports them, nearly incompressible tetrahedra, a mesh in another unit, a load that comes too late or goes too soon, a blade
+    /// that is led backward. A body that nothing pushes may float.
     pub fn notes(&self) -> Vec<String> {
         let mut out = vec![];
         // duration
@@ -84,6 +84,19 @@ impl Scene {
         for load in self.loads.iter().filter(|load| load.start >= time.duration) {
             let (start, end) = (load.start, time.duration);
             out.push(format!("a load starts at {start} s, when the run of {end} s is over"));
+        }
+        // loads that no step takes
+        let part = time.part();
+        let all = f64::from(time.steps()) * f64::from(time.substeps);
+        let [first, last] = if time.integrator == Integrator::Static { [1.0, all] } else { [0.0, all - 1.0] };
+        let step = |load: &Load| (load.start / part - WHOLE).ceil().max(first);
+        let missed = |load: &&Load| step(load) * part >= load.end || step(load) > last;
+        for load in self.loads.iter().filter(|load| load.start < time.duration).filter(missed) {
+            out.push(format!(
+                "a load that starts at {} s is in no step of {} ms: a step takes the loads of its start, a static one those of its end",
+                load.start,
+                1e3 * part
+            ));
         }
         // blades led backward
         for tool in self.tools.iter().filter(|tool| tool.led_backward(&self.skins)) {

@@ -99,6 +99,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
     let loads = raw.load.into_iter().map(|table| loads::load(&scene, table, &names, &skins, &grids));
+    let loads = loads.collect::<Result<Vec<_>>>()?;
     // contact, integrator and what does not go together
     let raw_contact = raw::keys(raw.contact);
     let correction_at = raw_contact.correction.as_ref().map(At::span).unwrap_or_default();
@@ -119,18 +120,19 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
-    let integrator = integrator::integrator(&scene, word.clone(), &raw_solver, &skins, &tools, touching)?;
+    let integrator = integrator::integrator(&scene, word.clone(), &raw_solver, &skins, &tools, &loads, touching)?;
     for (word, skin) in word.iter().flat_map(|word| skins.iter().map(move |skin| (word, skin))) {
         integrator::stable(&scene, word, integrator, skin.law)?;
     }
-    let correction = touching.then_some(contact.correction);
-    hyperelastic::fits(&scene, &skins, correction, integrator, &raw_solver)?;
     // steps and ticks
     let step_ms = time_keys.step_ms.span();
     let time = time(&scene, time_keys, integrator)?;
+    let (correction, followed) = (touching.then_some(contact.correction), loads::followed(&loads, time.duration));
+    hyperelastic::fits(&scene, &skins, correction, followed, integrator, &raw_solver)?;
     let haptic = devices::haptic(&scene, raw::keys(raw.haptic))?;
     tools::ticks(&scene, step_ms, time.step, haptic.rate, &tools)?;
     // the remaining tables
+    let study = study::study(&scene, raw.study, &time, &skins, &tools, &loads, &probes, touching)?;
     let made = Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
@@ -139,13 +141,13 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         boundaries: boundaries.collect::<Result<_>>()?,
         rest_springs: rest_springs(&scene, raw.rest_spring, &names, &skins, &grids)?,
         inclusions: inclusions(&scene, raw.inclusion, &names, &skins, &grids, integrator)?,
-        loads: loads.collect::<Result<_>>()?,
+        loads,
         contact: touching.then_some(contact),
         haptic,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
         output: outputs::output(&scene, raw.output)?,
-        study: study::study(&scene, raw.study, &time, &skins, &tools, &probes, touching)?,
+        study,
         time,
         skins,
         tools,
@@ -222,14 +224,25 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     }
     let path = |rows| round::path(scene, &raw::Boundary::path_mm, rows);
     let path = raw.path_mm.as_ref().map_or(Ok(vec![]), path)?;
-    Ok(Boundary {
+    let [displaced, driven] = [raw.displacement_mm.as_ref().map(At::span), raw.path_mm.as_ref().map(At::span)];
+    let made = Boundary {
         body,
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector_or(&raw::Boundary::displacement_mm, raw.displacement_mm)?,
         rotation: scene.number_or(&raw::Boundary::turn_deg, raw.turn_deg)?.to_radians(),
         path,
-    })
+    };
+    let along_path = made.path.iter().any(|pose| made.leaves(&pose.position));
+    for (key, span, leaves) in
+        [("displacement_mm", displaced, made.leaves(&made.displacement)), ("path_mm", driven, along_path)]
+    {
+        if let Some(span) = span.filter(|_| leaves) {
+            let why = "it moves along an axis that `axes` does not hold";
+            return Err(Invalid::NeedlessKey { at: scene.location(span), key, why });
+        }
+    }
+    Ok(made)
 }
 
 /// Regions with rest-shape springs.

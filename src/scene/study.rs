@@ -5,7 +5,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At, List, Number, Row, Table};
 use super::text::SceneText;
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
-use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, Skin, Time, Tool};
+use super::{Correction, Integrator, Law, Load, MATERIALS, Material, Preconditioner, Probe, Skin, Time, Tool};
 
 /// Maximum number of values on one axis of a study.
 const MOST_VALUES: usize = 20;
@@ -73,6 +73,7 @@ pub(super) fn study(
     time: &Time,
     skins: &[Skin],
     tools: &[Tool],
+    loads: &[Load],
     probes: &[Probe],
     touching: bool,
 ) -> Result<Study> {
@@ -119,7 +120,7 @@ pub(super) fn study(
     let laws = words(scene, "laws", raw.laws, &laws(skins))?;
     // an integrator that fits a law of the study, or why it fits none
     let of_study = |word: &At<String>| {
-        let integrator = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, touching)?;
+        let integrator = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, loads, touching)?;
         let mut all = skins.iter().map(|skin| skin.law).chain(laws.iter().copied());
         match all.clone().any(|law| integrator.fits(law)) {
             true => Ok(integrator),

@@ -76,9 +76,9 @@ impl<'a> SceneText<'a> {
     /// Number between two others, or the default.
     pub fn within_or(&self, row: &Row<Within, f64>, value: Option<At<f64>>) -> Result<f64> {
         let (value, range) = (row.or(value), row.range);
-        let found = self.checked(row.name, *value.get_ref(), value.span(), range.positive())?;
+        let (found, si) = (*value.get_ref(), self.checked(row.name, *value.get_ref(), value.span(), range.positive())?);
         if range.holds(found) {
-            return Ok(found);
+            return Ok(si);
         }
         Err(Invalid::Number {
             at: self.location(value.span()),

@@ -56,7 +56,7 @@ pub struct Body {
     pub(super) loaded: bool,
     /// Accelerations of the nodes on paths over the present step, mass damping included, m/s².
     pub(super) accelerations: BTreeMap<u32, [f64; 3]>,
-    /// Displacements of the nodes that follower pressures act on, at the start of the step, m.
+    /// Displacements of the nodes that follower pressures act on, at the start of the step, of one in full at its end, m.
     pub(super) pressed: BTreeMap<u32, [f64; 3]>,
     /// Its constraints leave a rigid-body mode free.
     pub(super) floats: bool,
@@ -353,21 +353,28 @@ impl Body {
         Ok(dx)
     }
 
-    /// `[node]` loads at a given time, with follower pressures on the shape at the start of the last step that began, N.
+    /// `[node]` loads at a given time, with follower pressures on the shape that they were last set on, N.
     pub(super) fn load_at(&self, scene: &Scene, time: f64) -> Vec<[f64; 3]> {
         let displacement = |node: usize| self.pressed.get(&(node as u32)).copied().unwrap_or_default();
         self.model.load_on(&scene.loads, time, |cell| self.wound.surface.corners_of(cell), displacement)
     }
 
-    /// Has the shape that follower pressures act on at a given time be the present one; false if there are none.
-    pub(super) fn press(&mut self, scene: &Scene, time: f64) -> Result<bool> {
+    /// Sets the load at a given time with follower pressures on the shape at the start of the step, or on that at its end by its solves
+    /// (`end`: whether a correction is part of these). Changes nothing without such pressures, but for a load that is still to be set.
+    pub(super) fn press(&mut self, scene: &Scene, time: f64, end: Option<bool>) -> Result<()> {
         let nodes = self.followed_nodes(scene, time);
-        if nodes.is_empty() {
-            return Ok(false);
+        if !nodes.is_empty() {
+            self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
+            let moved = end.map(|corrected| self.increment(corrected)).transpose()?;
+            let by = |node: u32| moved.as_ref().map_or(DVec3::ZERO, |dx| DVec3::from_slice(&dx[node as usize]));
+            let shape = |node: u32| (node, (DVec3::from_array(self.known.u[&node]) + by(node)).to_array());
+            self.pressed = nodes.iter().map(|node| shape(*node)).collect();
         }
-        self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
-        self.pressed = nodes.into_iter().map(|node| (node, self.known.u[&node])).collect();
-        Ok(true)
+        if !nodes.is_empty() || !self.loaded {
+            self.set_load(&self.load_at(scene, time));
+            self.loaded = true;
+        }
+        Ok(())
     }
 
     fn followed_nodes(&self, scene: &Scene, time: f64) -> Vec<u32> {
@@ -398,6 +405,13 @@ impl Body {
         // without a warm start the initial residual is what loads and paths drive, which the tolerance is relative to
         self.backend.reset_initial_guess(&[FREE])?;
         self.backend.prescribe(&nodes, &target)
+    }
+
+    /// Starts a step anew, without what its solves have found, with the loads of its start; it ends at `end`.
+    pub(super) fn restart(&mut self, scene: &Scene, [loaded_at, end]: [f64; 2]) -> Result<()> {
+        self.backend.reset_initial_guess(&[FREE])?;
+        self.press(scene, loaded_at, None)?;
+        self.begin(scene, end)
     }
 
     /// The same, padded for the kernels' twins.

@@ -1,6 +1,5 @@
 //! Contacts at the start of a step, and the constraint rows of attachments.
 
-use super::contact::ContactReport;
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::collide::sides::{Last, Sides};
@@ -10,7 +9,7 @@ use crate::error::Result;
 use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{self, Attachment, BodyId, Integrator, Loop, Scene, attach_of};
 use glam::DVec3;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
@@ -18,6 +17,8 @@ const SAME: f64 = 1e-3;
 const AT_NODE: f64 = 0.99;
 /// Most contacts of a body's lips, as a multiple of the scene's number: a wound across a fine grid has more nodes than a tool touches.
 const LIPS: usize = 4;
+/// Distance from which ends of a tie that both cannot move are apart, m.
+const OPEN: f64 = 1e-6;
 /// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
 
@@ -75,6 +76,9 @@ impl Simulation {
         self.sides = sides;
         self.drop_unexplained(&search, &mut found, report);
         found.retain(|contact| !self.ties_hold(contact));
+        if self.swings > 0 {
+            found.iter_mut().for_each(|contact| self.settle(contact));
+        }
         let most = law.max_contacts as usize;
         report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
         // keep those that bore and the deepest, up to the scene's number
@@ -87,7 +91,10 @@ impl Simulation {
         found.extend(self.lips_contacts(&search, LIPS * most, report));
         // lips; a fixed order; attachments last
         found.sort_by_key(Contact::id);
-        found.extend(self.ties.iter().map(|tie| self.tied(tie)));
+        let open = |tie: &Contact| (0..tie.law.rows()).any(|k| tie.gap[k].abs() > OPEN && !self.gives_way(tie, k));
+        let ties: Vec<Contact> = self.ties.iter().map(|tie| self.tied(tie)).collect();
+        report.warn("held_apart", ties.iter().filter(|tie| open(tie)).count() as u32);
+        found.extend(ties);
         // slips of a static step's earlier solves; penalties know no friction
         for contact in found.iter_mut().filter(|_| law.forces == Loop::Constraints) {
             if let Some(slid) = self.slid.get(&contact.id()) {
@@ -95,25 +102,6 @@ impl Simulation {
             }
         }
         Ok(found)
-    }
-
-    /// Slips of contacts since they have borne a force in a static step, after one more of its solves: along their friction's axes, without
-    /// those of tools of lines and of rigid bodies among each other, which are numbered anew in each search.
-    pub(super) fn slid_by(&self, last: &ContactReport) -> BTreeMap<([BodyId; 2], usize), DVec3> {
-        let keeps_number = |contact: &Contact| match contact.on {
-            [BodyId::Rigid(_), BodyId::Rigid(_)] => false,
-            [BodyId::Rigid(number), BodyId::Deformable(_)] => self.tools[number].lines.is_none(),
-            _ => true,
-        };
-        let bears = |(contact, force): &(&Contact, &[f64; 3])| contact.law.is_constraint() || force[0] > 0.0;
-        let bore = last.contacts.iter().zip(&last.forces).zip(&last.slips);
-        bore.filter(|(of, _)| keeps_number(of.0) && bears(of))
-            .map(|((contact, _), slip)| {
-                let before = self.slid.get(&contact.id()).copied().unwrap_or_default();
-                let along = |row: usize| contact.axes[row] * contact.axes[row].dot(before + *slip);
-                (contact.id(), contact.law.friction_rows().map(along).sum())
-            })
-            .collect()
     }
 
     /// Whether a contact bore a force in the last step. Without it, it may go through in this one, whatever its gap is now.
@@ -339,21 +327,23 @@ impl Simulation {
                 }
             }
         }
-        // skin that is held against a wall rests on what holds it
-        found.retain(|contact| (0..2).any(|side| self.gives_way(contact, side)));
+        // skin that is held against a wall rests on what holds it; that it is driven into one is said
+        let deeper = |contact: &&Contact| contact.gap[0] < -search.alarm && !self.gives_way(contact, 0);
+        report.warn("held_overlap", found.iter().filter(deeper).count() as u32);
+        found.retain(|contact| self.gives_way(contact, 0));
         (found, sides)
     }
 
-    /// Whether one side of a contact can move along its normal.
-    fn gives_way(&self, contact: &Contact, side: usize) -> bool {
-        match contact.on[side] {
+    /// Whether one side of a contact can move along one of its axes.
+    fn gives_way(&self, contact: &Contact, axis: usize) -> bool {
+        (0..2).any(|side| match contact.on[side] {
             BodyId::Rigid(_) => true,
             BodyId::Deformable(number) => contact_nodes(contact, side).any(|node| {
                 let [x, y, z, _] = self.bodies[number].wound.dofs[node as usize];
-                (DVec3::new(x, y, z) * contact.axes[0]).length_squared() > 1e-12
+                (DVec3::new(x, y, z) * contact.axes[axis]).length_squared() > 1e-12
             }),
             BodyId::Plane(_) | BodyId::World => false,
-        }
+        })
     }
 
     /// Whether a contact acts on a node that is already tied to the other body.

@@ -8,7 +8,6 @@
 use super::contact::Resolved;
 use super::in_full::NOT_IN_FULL;
 use super::{Refused, Simulation, StepReport};
-use crate::backend::FREE;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
@@ -79,13 +78,13 @@ impl Simulation {
         if self.scene.in_full() && !report.warnings.contains_key(NOT_IN_FULL) {
             report.warn(NOT_IN_FULL, 1); // by its linearisation
         }
-        // reset tools, warm starts and compliance
+        // reset tools, loads, warm starts and compliance
+        let begin = self.loaded_at();
         self.tools.clone_from_slice(old);
         for body in &mut self.bodies {
             body.non_finite = false;
             body.compliance = Default::default();
-            body.backend.reset_initial_guess(&[FREE])?;
-            body.begin(&self.scene, self.time)?;
+            body.restart(&self.scene, [begin, self.time])?;
         }
         // drop non-finite contacts
         report.contact.on_tool.clear();
@@ -124,7 +123,7 @@ fn is_finite(tool: &Instrument) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::Vector;
+    use crate::backend::{FREE, Vector};
     use crate::scene::{Scene, read};
     use crate::step::Platform;
     use std::path::Path;

@@ -1,11 +1,12 @@
 //! Steps that are solved in full ([`Scene::in_full`](crate::scene::Scene::in_full)): again with the defect of their linearisation
 //! ([`crate::kernels::defect`]) under the contact forces so far, until law and contact hold together.
 //!
+//! Follower pressures act on the shape at the end of such a step: on that by its solves so far, until they change nothing.
+//!
 //! Matrix, columns and the model of the compliance stay those of the step's start, so a repetition costs a force evaluation, a product and the
 //! iterations that the defect takes: a modified Newton method. It converges while tangents change by less than a factor of two within the step.
 
 use super::{Simulation, StepReport};
-use crate::backend::FREE;
 use crate::error::Result;
 use crate::linear::Outcome;
 use std::time::{Duration, Instant};
@@ -58,11 +59,12 @@ impl Simulation {
         } else {
             report.newton_iterations += 1;
         }
+        let begin = self.loaded_at();
         for body in self.bodies.iter_mut().filter(|body| body.in_full) {
             if linearised {
-                body.backend.reset_initial_guess(&[FREE])?;
-                body.begin(&self.scene, self.time)?;
+                body.restart(&self.scene, [begin, self.time])?;
             } else {
+                body.press(&self.scene, begin, Some(corrected))?;
                 body.backend.add_defect(corrected)?;
             }
         }

@@ -13,7 +13,8 @@
 //! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
 //! ([`crate::bodies::grid::direct`]). Newmark's method, the midpoint rule and symplectic Euler have other factors in the same `A` and `b`
 //! ([`crate::bodies::Step`]). A hyperelastic body has its own `f_int` and the linearised `K` of
-//! [`crate::kernels::hyperelastic::Cell::linearised`]; where nothing may touch, Newton's method solves its step with the consistent tangent.
+//! [`crate::kernels::hyperelastic::Cell::linearised`]; where nothing may touch and no pressure follows, Newton's method solves its step
+//! with the consistent tangent.
 //!
 //! Contacts: a bounding-box tree over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives
 //! the few faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes
@@ -27,9 +28,10 @@
 //! f32 solves a step to about 10⁻⁶ of its displacement, however small the recurrence's residual; with `refinements` the error falls to the
 //! rounding of the displacement itself, 2·10⁻⁸.
 //!
-//! Each body has its own unconstrained motion; only rows couple bodies. Without contact a step reads back the outcome of its solve and the
-//! probes alone (`cutis inspect` lists the read-backs). Numerical trouble is counted in [`StepReport`], never repaired in silence.
+//! Each body has its own unconstrained motion; only rows couple bodies. Without contact a step reads back the outcome of its solve, the
+//! nodes that follower pressures act on, and the probes alone (`cutis inspect` lists the read-backs). Numerical trouble is counted in [`StepReport`], never repaired in silence.
 
+mod balance;
 mod body;
 mod contact;
 mod costs;
@@ -56,12 +58,13 @@ use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::bodies::tetrahedra::with_meshes;
 use crate::collide::{Contact, sides};
-use crate::error::{Result, unless};
+use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{BodyId, Integrator, STEP, Scene, Skin};
+use crate::mesh::MaterialPoint;
+use crate::scene::{BodyId, Integrator, Scene, Skin};
 use body::Known;
 use contact::{NodeForces, Resolved};
 use deadline::Deadline;
@@ -182,13 +185,6 @@ impl StepReport {
 /// Factor on the floor that allows for the rounding of a square and its root in f32.
 const AT_FLOOR: f64 = 1.0 + 1e-5;
 
-/// Most linear solves, with their contact, of a static step.
-const MOST_STATIC: u32 = 1000;
-/// Most of them running that bring the step no nearer to balance: what is left is then rounding, or goes to and fro.
-const IDLE_STATIC: u32 = 200;
-/// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
-const NEARER: f64 = 0.99;
-
 /// A running scene.
 pub struct Simulation {
     /// The deformable bodies, in the scene's order.
@@ -215,6 +211,10 @@ pub struct Simulation {
     sides: sides::Sides,
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
+    /// How much contacts settle between where they are and [`Self::touched`], since solves of the present static step go to and fro.
+    swings: u32,
+    /// Points and normals of the contacts of tools in the last solve of the present static step, by their ids.
+    touched: BTreeMap<([BodyId; 2], usize), (MaterialPoint, DVec3)>,
     /// Slip of each contact by its id since it has borne a force in the present static step, m.
     slid: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
@@ -275,6 +275,8 @@ impl Simulation {
             depths: BTreeMap::new(),
             sides: sides::Sides::new(),
             last_forces: BTreeMap::new(),
+            swings: 0,
+            touched: BTreeMap::new(),
             slid: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             interrupt: Arc::default(),
@@ -364,6 +366,14 @@ impl Simulation {
         }
     }
 
+    /// Time whose loads act in the present step, s.
+    fn loaded_at(&self) -> f64 {
+        match self.scene.time.integrator {
+            Integrator::Static => self.time,
+            _ => (self.step_number - 1) as f64 * self.scene.time.part(),
+        }
+    }
+
     /// Advances by one step; `check` evaluates the true residual as well.
     ///
     /// # Errors
@@ -396,46 +406,6 @@ impl Simulation {
         }
     }
 
-    /// Static step: solves until the forces balance, with the loads and the hands of its end.
-    ///
-    /// Friction acts against the slip of the whole step. Against that of each solve alone, it faded as solves went on: a sphere pressed by
-    /// 1.9 of 5 mm and slid was held by 0.1420 and 0.1424 N in steps of 10 and 5 ms, and is by 0.1442 N in both, with a sixth fewer solves.
-    fn balance(&mut self, check: bool) -> Result<StepReport> {
-        let tolerance = self.scene.solver.tolerance;
-        self.slid.clear();
-        self.bodies.iter_mut().for_each(|body| body.loaded = false);
-        let (mut report, mut forces) = self.solve_from(self.time, false)?;
-        let (mut away, mut nearest) = (0.0, f64::INFINITY);
-        let (mut solves, mut idle) = (1, 0);
-        while solves < MOST_STATIC && idle < IDLE_STATIC {
-            unless(&self.interrupt)?;
-            // out of balance: the bodies, or the hands, which the tools' forces follow
-            let mut left = 0.0;
-            for (number, body) in self.bodies.iter_mut().enumerate() {
-                let contact = forces.as_ref().map_or(&[][..], |forces| &forces[number]);
-                left = larger(left, body.out_of_balance(contact, &self.scene, self.time)?);
-            }
-            let before = report.contact.on_tool.clone();
-            let balanced = left <= tolerance;
-            let (next, of_next) = self.solve_from(self.time, check && balanced)?;
-            forces = of_next;
-            solves += 1;
-            let open = refused::OPEN.iter().any(|name| next.warnings.contains_key(name));
-            report.followed_by(next);
-            let scale = report.contact.largest_on_tools();
-            let change = before.iter().zip(&report.contact.on_tool);
-            let change = change.map(|(a, b)| (DVec3::from_array(*a) - DVec3::from_array(*b)).length());
-            let change = change.fold(0.0, f64::max);
-            if balanced && !open && change <= tolerance * scale {
-                return Ok(report);
-            }
-            away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
-            (nearest, idle) = if away < NEARER * nearest { (away, 0) } else { (nearest, idle + 1) };
-        }
-        let (at, time, fix) = (self.scene.at(STEP), self.time, refused::mends_balance(&report.warnings));
-        Err(Refused::NoBalance { at, time, iterations: solves, left: away, tolerance, fix }.into())
-    }
-
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.
     fn solve_from(&mut self, begin: f64, check: bool) -> Result<(StepReport, Option<Vec<NodeForces>>)> {
         let h = self.step_size();
@@ -451,11 +421,8 @@ impl Simulation {
         for body in &mut self.bodies {
             body.residual.clear();
             body.drive(&self.scene, [self.time - self.scene.time.part(), self.time]);
-            let follows = body.press(&self.scene, begin)?;
-            if loaded || follows || !body.loaded {
-                body.set_load(&body.load_at(&self.scene, begin));
-                body.loaded = true;
-            }
+            body.loaded &= !loaded;
+            body.press(&self.scene, begin, None)?;
             before.push(if check || refined { Some(body.snapshot()?) } else { None });
         }
         if check {
@@ -484,7 +451,7 @@ impl Simulation {
         let Resolved { free: mut ended, forces, contact_forces } = solved;
         self.last_forces = contact_forces;
         if !h.is_finite() {
-            self.slid = self.slid_by(&report.contact);
+            self.keep_contacts(&report.contact);
         }
         // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);

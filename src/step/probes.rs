@@ -8,7 +8,9 @@
 //! loads and the weight that acted in the step and its contact forces. A fixed node is at rest and has neither inertia nor mass damping; one
 //! on a path has both, from its path (`m ((v' − v)/h + r_M v')`).
 //! Damping is part of it since the support carries it: with it the reactions, loads, weights and contact forces of a body add up to the change
-//! of its momentum over the step. A consistent mass also couples fixed nodes to the acceleration of their neighbours, which is not included.
+//! of its momentum over the step, as closely as the step meets the law. A step of a hyperelastic body takes damping, and if it is linearised
+//! elasticity, with the matrix of its start: a block under a sphere that slides by 0.075 mm a step has 2.6 % of its force unexplained with
+//! `newton`, 5.7 % without, and less in proportion in shorter steps. A consistent mass also couples fixed nodes to the acceleration of their neighbours, which is not included.
 //! Along a free axis a rest-shape spring holds the node, `R = −k (u' + r_K v')`; without one nothing does, `R = 0`.
 //!
 //! All of this is evaluated on the host in f64 from the displacements and velocities of the nodes around, read back with what the other

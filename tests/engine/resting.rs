@@ -112,3 +112,79 @@ to = "base"
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     assert!((force.z / WEIGHT - 1.0).abs() < 1e-3 && (0.0..1e-4).contains(&down), "{force} N, {down:e} m");
 }
+
+#[test]
+fn held_nodes_that_overlap_or_are_torn_from_their_ties_are_counted() {
+    let moved = |region: &str, by: [f64; 3]| format!("[[boundary]]\nregion = \"{region}\"\ndisplacement_mm = {by:?}\n");
+    let warned = |more: &str| step(&scene(&format!("{more}{FRICTION}"))).expect("it is held").0.warnings;
+    // into the floor, of which the search reaches 0.5 mm
+    let into = |z: f64| warned(&format!("{FLOOR}{}", moved("all", [0.0, 0.0, z])));
+    let found = into(-2.0);
+    assert!(found.get("held_overlap").is_some_and(|count| *count >= 16), "{found:?}");
+    assert!(into(-0.4).is_empty(), "the counter-test: {:?}", into(-0.4));
+    // away from where they are tied
+    let tied = |x: f64| warned(&format!("{}[[attach]]\nregion = \"bottom\"\n", moved("bottom", [x, 0.0, 0.0])));
+    let found = tied(1.0);
+    assert!(found.get("held_apart").is_some_and(|count| *count >= 16), "{found:?}");
+    assert!(tied(0.0).is_empty(), "the counter-test: {:?}", tied(0.0));
+}
+
+/// A sphere of 2 mm, pressed into a held block of cells as large as it and slid.
+const PRESSED: &str = r#"title = "A sphere on large cells"
+[time]
+step_ms = 20.0
+duration_s = 0.3
+integrator = "static"
+[solver]
+tolerance = 1e-3
+[skin]
+size_mm = [12.0, 12.0]
+cells = [6, 6]
+[[skin.layer]]
+name = "dermis"
+thickness_mm = 4.0
+cells = 3
+young_kpa = 50.0
+poisson = 0.45
+density_kg_m3 = 1000.0
+[[boundary]]
+region = "bottom"
+[[tool]]
+name = "sphere"
+path_mm = [[0.0, 1.5, 0.4, 6.1], [0.1, 1.5, 0.4, 5.0], [0.3, 3.0, 0.8, 5.0]]
+mass_g = 20.0
+inertia_g_mm2 = [80.0, 80.0, 80.0]
+[tool.round]
+radius_mm = 2.0
+points_mm = [[0.0, 0.0, 0.0]]
+[tool.coupling]
+stiffness_n_m = 5000.0
+[[probe]]
+name = "borne"
+kind = "reaction"
+axis = "z"
+region = "bottom"
+"#;
+
+#[test]
+fn a_sphere_on_cells_as_large_as_it_finds_its_balance() {
+    for (young, cells, law) in [(50, [6, 6], "neo_hookean"), (50, [7, 7], "neo_hookean"), (40, [6, 6], "linear")] {
+        let text = PRESSED.replace("[6, 6]", &format!("{cells:?}\nlaw = \"{law}\""));
+        let text = format!("{}{FRICTION}", text.replace("50.0", &format!("{young}.0")));
+        let scene = parse(&text, Path::new("pressed.toml"), &Files::Embedded(&[])).expect("the scene is valid");
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("it fits");
+        for number in 1..=scene.time.steps() {
+            let report = simulation.step(true).unwrap_or_else(|e| panic!("{young} kPa, {cells:?}, {law}: {e}"));
+            assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+            // the hand bears what the block does, and the block's bottom its weight too
+            let force = report.contact.on_tool[0];
+            let hand = simulation.tools[0].hand(f64::from(number) * scene.time.step).0;
+            let held = 5000.0 * (simulation.tools[0].position - hand);
+            let weight = 1000.0 * 9.81 * 12e-3 * 12e-3 * 4e-3;
+            let size = report.contact.largest_on_tools().max(weight);
+            assert!((held.z - force[2]).abs() < 2e-3 * size, "{held} N, {force:?} N");
+            assert!((report.probes[0] - force[2] - weight).abs() < 5e-3 * size, "{} N, {force:?} N", report.probes[0]);
+        }
+        assert!(simulation.tools[0].position.z < 5.2e-3, "{} m", simulation.tools[0].position);
+    }
+}

@@ -1,7 +1,7 @@
 //! Laws and integrators in scene files: what each is read as, asks for, refuses and goes together with.
 
 use crate::scene_errors::{FULL, alone, parsed, says};
-use cutis::scene::{Correction, Element, Integrator, Law, Material, Preconditioner, Region};
+use cutis::scene::{Correction, Element, Integrator, Law, LoadKind, Material, Preconditioner, Region};
 
 /// A scene of [`alone`] with layers of springs.
 fn without_moduli(alone: String) -> String {
@@ -99,6 +99,19 @@ fn steps_of_second_order_are_of_laws_that_they_are_stable_with() {
         scene.skins[0].law = parsed(&alone("", "", &corotational)).expect("the scene is valid").skins[0].law;
         says(&scene.check().expect_err("corotational").to_string(), "time.integrator … Midpoint … stable");
     }
+    // pressures that follow have no potential in a step
+    let followed = |word: &str, law: &str, follower: bool| {
+        let load = format!("[[load]]\npressure_kpa = 1\nfollower = {follower}\n[skin]\n");
+        parsed(&alone(&format!("integrator = \"{word}\""), "", law).replace("[skin]\n", &load))
+    };
+    let refused = followed("midpoint", &neo_hookean, true).expect_err("it follows");
+    says(&refused.to_string(), "scenes/full.toml:5: … midpoint … follows … \"implicit_euler\"");
+    for (word, law) in [("midpoint", &linear), ("implicit_euler", &neo_hookean), ("static", &neo_hookean)] {
+        assert!(followed(word, law, true).is_ok_and(|scene| !scene.newton() && scene.check().is_ok()), "{word}, {law}");
+    }
+    let mut scene = followed("midpoint", &neo_hookean, false).expect("the counter-test");
+    scene.loads[0].kind = LoadKind::Pressure { pressure: 1e3, follower: true };
+    says(&scene.check().expect_err("it follows").to_string(), "time.integrator … Midpoint … follows");
     // a study takes it where one of its laws does
     let study = |laws: &str| {
         let text = alone("", "", &corotational)

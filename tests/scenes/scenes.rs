@@ -145,6 +145,24 @@ fn a_duration_that_is_no_multiple_of_the_step_is_noted() {
 }
 
 #[test]
+fn a_load_that_is_in_no_step_is_noted() {
+    let of = |start: f64, end: f64, integrator: &str| {
+        let load = format!("[[load]]\npressure_kpa = 1\nregion = \"all\"\nstart_s = {start}\nend_s = {end}\n");
+        noted("[0, 0, 0]", &format!("integrator = \"{integrator}\"\n{load}"))
+    };
+    for (start, end) in [(0.021, 0.024), (0.0201, 0.02499), (0.097, 1.0)] {
+        let notes = of(start, end, "implicit_euler");
+        assert!(notes.len() == 1 && notes[0].contains("in no step of 5 ms"), "{notes:?}");
+    }
+    assert_eq!(of(0.0, 0.004, "static").len(), 1, "no static step ends before 5 ms");
+    assert_eq!(of(0.097, 1.0, "static"), [""; 0], "the last one ends at 0.1 s");
+    // the counter-test: loads at the start of a step
+    for (start, end) in [(0.0, 0.004), (0.02, 0.021), (0.021, 0.0251), (0.095, 1.0)] {
+        assert_eq!(of(start, end, "implicit_euler"), [""; 0], "{start} to {end}");
+    }
+}
+
+#[test]
 fn nearly_incompressible_tetrahedra_are_noted() {
     let mut skin = scene(&folder().join("skin_tetra.toml"));
     let mut of = |poisson: f64, law: Option<Law>| {

@@ -27,6 +27,7 @@ pub const EVERYWHERE: &[Everywhere] = &[
     ("a_pressure_on_a_side_compresses_by_its_closed_form", compressed),
     ("a_pressure_that_follows_acts_on_the_deformed_area", followed),
     ("a_pressure_that_follows_turns_with_the_block", turned),
+    ("a_floating_block_under_a_pressure_that_follows_shrinks_and_stays_straight", squeezed),
     ("a_path_is_followed_to_the_last_bit", path),
     ("reactions_along_a_path_are_the_change_of_momentum", driven),
     ("a_block_on_a_path_moves_as_one_against_its_damping", carried),
@@ -282,11 +283,11 @@ fn stretches(p: f64, follower: bool) -> [f64; 2] {
 }
 
 fn followed(place: &Platform) {
-    let p = 0.05 * YOUNG; // at a fifth of the modulus the lag of the pressure diverges
+    let p = 0.2 * YOUNG;
     let mut ends = vec![];
     for follower in [false, true] {
         let mut scene = against_wall(place, NEO_HOOKEAN, pressure(Region::SideXMax, p, follower));
-        (scene.time.integrator, scene.time.step) = (Integrator::Static, 1.0);
+        (scene.time.integrator, scene.time.step, scene.solver.newton) = (Integrator::Static, 1.0, false);
         // in increments, each to its own balance
         scene.loads = (0..4).map(|k| Load { start: f64::from(k), ..scene.loads[0].clone() }).collect();
         for load in &mut scene.loads {
@@ -324,6 +325,60 @@ fn turned(place: &Platform) {
         let size = if *place == Platform::Cpu64 { p * area } else { YOUNG * area * 0.1 };
         (0..3).for_each(|n| close(&format!("turned, follower {follower}"), place, found[n], wanted[n], size));
     }
+}
+
+/// Volume change of neo-Hookean material under a pressure on all sides, of the present area or of that at rest.
+fn shrinks(p: f64, follower: bool) -> f64 {
+    let (mu, lambda) = (YOUNG / (2.0 * (1.0 + POISSON)), YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)));
+    let (mut low, mut high) = (0.5, 1.0);
+    for _ in 0..100 {
+        let stretch: f64 = 0.5 * (low + high);
+        let volume = stretch.powi(3);
+        let cauchy = (mu * (stretch * stretch - 1.0) + lambda * volume.ln()) / volume;
+        let borne = if follower { cauchy } else { cauchy * stretch * stretch };
+        if borne + p < 0.0 { low = stretch } else { high = stretch }
+    }
+    low.powi(3) - 1.0
+}
+
+/// Under a pressure that does not follow, the block would turn over: its energy falls as it turns.
+fn squeezed(place: &Platform) {
+    let p = 0.1 * YOUNG;
+    for integrator in [Integrator::ImplicitEuler, Integrator::Static] {
+        let mut scene = static_block(place, NEO_HOOKEAN);
+        scene.time.integrator = integrator;
+        scene.time.step = if integrator == Integrator::Static { 1.0 } else { 2e-3 };
+        scene.time.duration = 60.0 * scene.time.step;
+        scene.solver.newton = integrator == Integrator::ImplicitEuler;
+        scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-8 } else { 1e-4 };
+        // slender, so that a dead pressure of a hundredth of it would buckle it
+        (scene.skins[0].size, scene.skins[0].rayleigh_stiffness) = ([2e-3, 2e-3], 0.01);
+        scene.skins[0].layers.iter_mut().for_each(|layer| layer.thickness *= 4.0);
+        // in four parts
+        let part = |k: u32| Load { start: f64::from(k) * scene.time.step, ..pressure(Region::All, 0.25 * p, true) };
+        scene.loads = (0..4).map(part).collect();
+        probe(&mut scene, ProbeKind::VolumeChange { body: 0 });
+        let top: f64 = scene.skins[0].layers.iter().map(|layer| layer.thickness).sum();
+        for point in [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * top], [0.0, 0.0, top]] {
+            probe(&mut scene, ProbeKind::Displacement { body: 0, point, axis: 0 });
+        }
+        let found = probes(&scene, place, if integrator == Integrator::Static { 4 } else { 60 });
+        let what = format!("{integrator:?} {place:?}");
+        measured(&format!("volume change {what}"), found[0], shrinks(p, true));
+        let bound = if *place == Platform::Cpu64 { 1e-4 } else { 2e-3 };
+        assert!((found[0] / shrinks(p, true) - 1.0).abs() < bound, "{what}: {found:?}, wanted {}", shrinks(p, true));
+        let bend = found[2] - 0.5 * (found[1] + found[3]);
+        assert!(bend.abs() < 1e-3 * top, "{what}: bent by {bend:e} of {top:e} m");
+    }
+    // a single long step ends with the pressure on the shape at its end; on that at its start it would be dead
+    let mut scene = against_wall(place, NEO_HOOKEAN, pressure(Region::All, p, true));
+    scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-8 } else { 1e-4 };
+    probe(&mut scene, ProbeKind::VolumeChange { body: 0 });
+    let found = *probes(&scene, place, 1).last().expect("the last probe");
+    measured(&format!("volume change {place:?}"), found, shrinks(p, true));
+    let off = |wanted: f64| (found / wanted - 1.0).abs();
+    assert!(off(shrinks(p, true)) < 2e-3, "{found:e}, wanted {:e}", shrinks(p, true));
+    assert!(off(shrinks(p, false)) > 0.01, "the counter-test: {found:e}, dead {:e}", shrinks(p, false));
 }
 
 fn closed() {

@@ -314,7 +314,7 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
     let large = out.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let implicit = out.time.integrator == Integrator::ImplicitEuler;
     out.solver.newton |= exactly && large && implicit && out.contact.is_none();
-    if large && out.newton() {
+    if out.balances_law() {
         out.solver.refinements = 0;
     }
     if let (Some(contact), Some(correction)) = (&mut out.contact, setting.correction) {

@@ -161,7 +161,8 @@ region_table! {
         body: text or "(the skin, or the only body)",
         /// Pressure, along the inward normal at rest. One of this, `traction_kpa` and `force_n`.
         pressure_kpa: number(KPA) or "",
-        /// Of `pressure_kpa`: normal and area are those of the shape at the start of each step.
+        /// Of `pressure_kpa`: normal and area are those of the shape at the start of each step, with `newton` of that at its end; not with
+        /// the midpoint rule of hyperelastic bodies.
         follower: flag = false,
         /// Force per area at rest, along x, y, z.
         traction_kpa: vector(3, KPA) or "",

@@ -2,7 +2,7 @@
 //! reader, the list for `cutis keys`, and the part of the page `scene::keys`.
 //!
 //! A row is `/// meaning`, then `name: kind(unit, range)`, then `= default`, or `or "what happens without the key, in words"`: `""` if it
-//! belongs to the choice that its meaning names. Without either the key is required. `beside` has fields that the page does not list.
+//! belongs to the choice that its meaning names; what stands for such a key if it is absent is its reader's. Without either the key is required. `beside` has fields that the page does not list.
 
 /// Key of a scene file, as listed on the page above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -23,7 +23,7 @@ use crate::scene::Integrator;
 use glam::DVec3;
 
 impl Body {
-    /// Sets the loads at the start of a step, `[node]` N.
+    /// Sets the loads of a step, `[node]` N.
     pub(in crate::step) fn set_load(&mut self, load: &[[f64; 3]]) {
         self.backend.set_load(load);
         let on = |nodes: &[u32]| nodes.iter().map(|node| DVec3::from_array(load[*node as usize])).sum();
