@@ -53,7 +53,7 @@ pub enum Error {
     Haptic(#[from] haptic::Refused),
     /// Haply's Inverse Service, or a device of it.
     #[cfg(feature = "haply")]
-    Haply(#[from] haply::Refused),
+    Haply(Box<haply::Refused>),
     /// Run that was asked to end, between two steps or within one.
     #[error("interrupted")]
     Interrupted,
@@ -97,9 +97,10 @@ impl Error {
             | Self::Run(runner::Refused::Threads { .. })
             | Self::Interrupted => 1,
             #[cfg(feature = "haply")]
-            Self::Haply(
-                haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },
-            ) => 1,
+            Self::Haply(refused) => match **refused {
+                haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. } => 1,
+                _ => 2,
+            },
             #[cfg(feature = "serve")]
             Self::Serve(_) => 1,
             #[cfg(feature = "view")]
@@ -127,6 +128,13 @@ pub(crate) fn unless(interrupt: &AtomicBool) -> Result<()> {
     match interrupt.load(Ordering::Acquire) {
         true => Err(Error::Interrupted),
         false => Ok(()),
+    }
+}
+
+#[cfg(feature = "haply")]
+impl From<haply::Refused> for Error {
+    fn from(refused: haply::Refused) -> Self {
+        Self::Haply(Box::new(refused))
     }
 }
 

@@ -79,6 +79,7 @@ impl Ids {
 pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
     let mut read = Read::default();
     while let Some(name) = section(cursor)? {
+        // what it holds; other sections are passed over
         match name {
             b"$MeshFormat" => format(cursor, &mut read)?,
             b"$PhysicalNames" => groups(cursor, &mut read.mesh)?,
@@ -103,6 +104,7 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Mesh> {
                 cursor.go_to(cursor.position() + found);
             }
         }
+        // its end
         cursor.numbers = Numbers::Text;
         let end = cursor.text();
         if end.is_none_or(|end| end.strip_prefix(b"$End") != Some(&name[1..])) {

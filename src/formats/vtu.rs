@@ -88,6 +88,7 @@ impl<'a> File<'a> {
             let found = format!("an element `{}`", root.tag_name().name());
             return Err(Refused::Unexpected { at: line(root), found, wanted: "`VTKFile`" });
         }
+        // the kind of file, and how its arrays are written
         let of_type = root.attribute("type").unwrap_or_default();
         if of_type != "UnstructuredGrid" {
             let found = format!("a file of type {}; UnstructuredGrid is read", quoted(of_type.as_bytes()));
@@ -117,6 +118,7 @@ impl<'a> File<'a> {
                 return Err(Refused::Unexpected { at: line(root), found, wanted: "LittleEndian or BigEndian" });
             }
         };
+        // arrays behind the elements
         let encoding = children(root, "AppendedData").next().map(|node| (node, node.attribute("encoding")));
         let appended = match (data, encoding) {
             (Some(data), Some((_, Some("raw")))) => Some((data, false)),

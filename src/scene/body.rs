@@ -372,6 +372,7 @@ fn layer(
         let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
         scene.needless("pre_strain", &raw.pre_strain, why)?;
     }
+    // material, then the cells of a grid
     let constants = hyperelastic::constants(scene, &raw, law, table.span)?;
     let fibres = hyperelastic::fibres(scene, &raw, law)?;
     let (thickness, cells) = if let Form::Tetrahedra = form {
@@ -388,6 +389,7 @@ fn layer(
         let cells = scene.required("cells", raw.cells.as_ref(), at, why)?;
         (thickness, scene.count(&raw::Layer::cells, cells)?)
     };
+    // springs break
     if !matches!(law, Law::Springs { .. }) {
         scene.needless("break_strain", &raw.break_strain, "springs break, of law = \"springs\"")?;
     }

@@ -513,6 +513,7 @@ impl Scene {
     /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
         super::embedded::fits(self)?;
+        // the solver
         let refinements = scene.of("solver.refinements");
         refinements.that(
             !self.balances_law() || self.solver.refinements == 0,
@@ -524,6 +525,7 @@ impl Scene {
         {
             return Err(scene.of("solver.newton").refuse(format!("true, but {why}"), "false"));
         }
+        // the integrator with contact, loads and laws
         let integrator = scene.of("time.integrator");
         let implicit = matches!(self.time.integrator, Integrator::ImplicitEuler | Integrator::Static);
         integrator.that(
@@ -544,6 +546,7 @@ impl Scene {
             let fits = self.skins.iter().all(explicit);
             integrator.that(fits, "SymplecticEuler", "an implicit one with this law or mass")?;
         }
+        // contact, and what its correction goes with
         let part = scene.of("contact");
         let Some(contact) = &self.contact else {
             return part.that(self.attachments.is_empty(), "none", "a contact law where bodies are tied");

@@ -24,12 +24,14 @@ pub(super) fn integrator(
         why,
         fix,
     };
+    // those that go with contact
     if integrator == Integrator::ImplicitEuler {
         return Ok(integrator);
     }
     if integrator == Integrator::Static {
         return unfit_for_static(skins, tools).map_or(Ok(integrator), |(why, fix)| Err(unfit(why, fix)));
     }
+    // those of one body that is free of it
     if touching {
         let why = "is for one body that touches nothing, and this scene has tools, walls, ties or several bodies";
         return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
@@ -40,6 +42,7 @@ pub(super) fn integrator(
     if matches!(integrator, Integrator::Newmark | Integrator::Midpoint) {
         return Ok(integrator);
     }
+    // the explicit one
     if skins.iter().any(|s| s.mass == Mass::Consistent) {
         return Err(unfit(
             "divides by the masses of nodes, and this mass is consistent",

@@ -205,6 +205,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     let (at, mut raw) = (table.span, table.keys);
     let body = names.skin(scene, &raw.body, at)?;
     let extent = raw.extent();
+    // axes
     let letters = raw::Boundary::axes.or(raw.axes);
     let mut axes = [false; 3];
     let mut known = !letters.get_ref().is_empty();
@@ -222,6 +223,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     {
         return Err(Invalid::TurnAxes { at: scene.location(turn.span()), axes: letters.into_inner() });
     }
+    // motion, along these axes alone
     let path = |rows| round::path(scene, &raw::Boundary::path_mm, rows);
     let path = raw.path_mm.as_ref().map_or(Ok(vec![]), path)?;
     let [displaced, driven] = [raw.displacement_mm.as_ref().map(At::span), raw.path_mm.as_ref().map(At::span)];

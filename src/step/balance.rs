@@ -25,6 +25,14 @@ const SWINGS_STATIC: u32 = 6;
 /// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
 const NEARER: f64 = 0.99;
 
+/// Where a round tool's contact was in a solve.
+pub(super) struct Touched {
+    on_skin: MaterialPoint,
+    normal: DVec3,
+    /// Point of the tool's axis, in its own frame, m.
+    centre: DVec3,
+}
+
 impl Simulation {
     /// Takes a static step.
     pub(super) fn balance(&mut self, check: bool) -> Result<StepReport> {
@@ -68,8 +76,14 @@ impl Simulation {
     /// Keeps what the next solve of the step needs of the last one's contacts.
     pub(super) fn keep_contacts(&mut self, last: &ContactReport) {
         self.slid = self.slid_by(last);
-        let touched = |contact: &Contact| (contact.id(), (contact.points[1].clone(), contact.axes[0]));
-        self.touched = last.contacts.iter().filter(|contact| !contact.law.is_constraint()).map(touched).collect();
+        let touched = |contact: &Contact| {
+            let BodyId::Rigid(number) = contact.on[0] else { return None };
+            let tool = &self.tools[number];
+            let centre = contact.point + contact.axes[0] * tool.round?.radius;
+            let centre = tool.rotation.inverse() * (centre - tool.position);
+            Some((contact.id(), Touched { on_skin: contact.points[1].clone(), normal: contact.axes[0], centre }))
+        };
+        self.touched = last.contacts.iter().filter_map(touched).collect();
     }
 
     /// Slips of contacts since they have borne a force in a static step, after one more of its solves: along their friction's axes, without
@@ -91,29 +105,33 @@ impl Simulation {
             .collect()
     }
 
-    /// Has a round tool's contact act between the point and normal that it had in the last solve and those that it has now: half way at first.
+    /// Has a round tool's contact act between the points and the normal that it had in the last solve and those that it has now: half way at
+    /// first.
     pub(super) fn settle(&self, contact: &mut Contact) {
-        let ([BodyId::Rigid(number), BodyId::Deformable(body)], Some((point, normal))) =
+        let ([BodyId::Rigid(number), BodyId::Deformable(body)], Some(last)) =
             (contact.on, self.touched.get(&contact.id()))
         else {
             return;
         };
-        let Some(round) = self.tools[number].round else { return };
-        let located = &self.bodies[body].located.nodes;
+        let tool = &self.tools[number];
+        let Some(round) = tool.round else { return };
         let share = 1.0 / f64::from(1 + self.swings);
-        let middle = (contact.axes[0] * share + *normal * (1.0 - share)).normalize_or_zero();
-        if middle == DVec3::ZERO || !point.nodes().all(|node| located.binary_search(&node).is_ok()) {
+        let normal = contact.axes[0].lerp(last.normal, 1.0 - share).normalize_or_zero();
+        let located = &self.bodies[body].located.nodes;
+        if normal == DVec3::ZERO || !last.on_skin.nodes().all(|node| located.binary_search(&node).is_ok()) {
             return;
         }
         let position = |point: &MaterialPoint| -> DVec3 {
             point.0.iter().map(|(node, weight)| self.bodies[body].node_position(*node) * *weight).sum()
         };
+        // the tool's surface is about a point of its axis
         let centre = contact.point + contact.axes[0] * round.radius;
+        let between = centre.lerp(tool.at(last.centre), 1.0 - share);
         let now = contact.points[1].0.iter().map(|(node, weight)| (*node, share * weight));
-        let before = point.0.iter().map(|(node, weight)| (*node, (1.0 - share) * weight));
-        let mean = MaterialPoint(now.chain(before).collect()).through(MaterialPoint::node);
+        let before = last.on_skin.0.iter().map(|(node, weight)| (*node, (1.0 - share) * weight));
+        let on_skin = MaterialPoint(now.chain(before).collect()).through(MaterialPoint::node);
         contact.gap[0] +=
-            middle.dot(centre - position(&mean)) - contact.axes[0].dot(centre - position(&contact.points[1]));
-        (contact.point, contact.axes, contact.points[1]) = (centre - middle * round.radius, frame(middle), mean);
+            normal.dot(between - position(&on_skin)) - contact.axes[0].dot(centre - position(&contact.points[1]));
+        (contact.point, contact.axes, contact.points[1]) = (between - normal * round.radius, frame(normal), on_skin);
     }
 }

@@ -221,6 +221,7 @@ impl Simulation {
             Correction::Exact => first.to_vec(),
             _ => vec![0.0; first.len()],
         };
+        // nodes of each body, and its compliance at them
         let (mut nodes, mut blocks) = (vec![], vec![]);
         let solving = self.solving(&law);
         for (number, body) in self.bodies.iter_mut().enumerate() {
@@ -228,6 +229,7 @@ impl Simulation {
             blocks.push(body.prepare_compliance(&law, &own, solving, report)?);
             nodes.push(own);
         }
+        // the problem, with the columns that there are
         let laws = contacts.iter().map(|c| c.law).collect();
         let mut problem = Problem {
             law,

@@ -63,7 +63,6 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::mesh::MaterialPoint;
 use crate::scene::{BodyId, Integrator, Scene, Skin};
 use body::Known;
 use contact::{NodeForces, Resolved};
@@ -213,8 +212,8 @@ pub struct Simulation {
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     /// How much contacts settle between where they are and [`Self::touched`], since solves of the present static step go to and fro.
     swings: u32,
-    /// Points and normals of the contacts of tools in the last solve of the present static step, by their ids.
-    touched: BTreeMap<([BodyId; 2], usize), (MaterialPoint, DVec3)>,
+    /// Contacts of round tools in the last solve of the present static step, by their ids.
+    touched: BTreeMap<([BodyId; 2], usize), balance::Touched>,
     /// Slip of each contact by its id since it has borne a force in the present static step, m.
     slid: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,

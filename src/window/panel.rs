@@ -216,6 +216,7 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
         painter.galley(place.min, galley, color);
         place
     };
+    // title, figures and keys, messages
     if let Some(begun) = &state.begun {
         label(rect.left_top() + vec2(14.0, 10.0), Align2::LEFT_TOP, begun.scene.title.clone(), INK);
     }
@@ -238,6 +239,7 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
     if !words.is_empty() {
         label(rect.left_bottom() + vec2(14.0, -36.0), Align2::LEFT_BOTTOM, words.join("\n"), SAID);
     }
+    // colour bar
     let Some(bar) = bar else { return };
     let title = label(rect.left_top() + vec2(14.0, 38.0), Align2::LEFT_TOP, bar.title.clone(), INK);
     let place = Rect::from_min_size(pos2(title.left(), title.bottom() + 12.0), BAR);

@@ -446,10 +446,11 @@ fn reading_and_writing_allocate_nothing() {
 }
 
 /// The message of a failed `open`, after a check of its kind and exit status.
-fn refusal(settings: &Settings, kind: fn(&Error) -> bool, exit_code: u8) -> String {
+fn refusal(settings: &Settings, kind: fn(&Refused) -> bool, exit_code: u8) -> String {
     let opened: Result<Client> = open(settings);
     let error = opened.err().expect("it is refused");
-    assert!(kind(&error), "{error:?}");
+    let Error::Haply(refused) = &error else { panic!("{error:?}") };
+    assert!(kind(refused), "{error:?}");
     assert_eq!(error.exit_code(), exit_code, "{error}");
     error.to_string()
 }
@@ -463,7 +464,7 @@ fn contains(message: &str, words: &[&str]) {
 #[test]
 fn an_address_that_is_none_is_refused() {
     let settings = Settings { url: "localhost:10001".into(), ..Settings::default() };
-    let said = refusal(&settings, |e| matches!(e, Error::Haply(Refused::Address { .. })), 2);
+    let said = refusal(&settings, |e| matches!(e, Refused::Address { .. }), 2);
     contains(&said, &["localhost:10001: no address", "write ws://host:port"]);
 }
 
@@ -471,7 +472,7 @@ fn an_address_that_is_none_is_refused() {
 fn a_limit_that_is_none_is_refused() {
     for force in [-1.0, f64::NAN, f64::INFINITY] {
         let settings = Settings { limits: Limits { force, torque: 0.0 }, ..Settings::default() };
-        let said = refusal(&settings, |e| matches!(e, Error::Haply(Refused::ForceLimit { .. })), 2);
+        let said = refusal(&settings, |e| matches!(e, Refused::ForceLimit { .. }), 2);
         contains(&said, &["force limit", "wanted a number from 0 up"]);
     }
 }
@@ -481,7 +482,7 @@ fn nobody_at_the_address_is_said() {
     let free = TcpListener::bind("127.0.0.1:0").expect("a free port").local_addr().expect("it has one");
     let url = format!("ws://{free}");
     let settings = Settings { url: url.clone(), ..Settings::default() };
-    let said = refusal(&settings, |e| matches!(e, Error::Haply(Refused::Nobody { .. })), 1);
+    let said = refusal(&settings, |e| matches!(e, Refused::Nobody { .. }), 1);
     contains(&said, &[&url, "nothing listens there", "cutis haply-mock"]);
 }
 
@@ -503,7 +504,7 @@ fn somebody(text: &'static str) -> String {
 fn somebody_else_at_the_address_is_said() {
     for text in ["SSH-2.0-OpenSSH_9.6\r\n", "HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", ""] {
         let settings = Settings { url: somebody(text), ..Settings::default() };
-        let said = refusal(&settings, |e| matches!(e, Error::Haply(Refused::NoService { .. })), 1);
+        let said = refusal(&settings, |e| matches!(e, Refused::NoService { .. }), 1);
         contains(&said, &[&settings.url, "no Inverse Service", "10001"]);
     }
 }
@@ -511,38 +512,35 @@ fn somebody_else_at_the_address_is_said() {
 #[test]
 fn a_service_without_an_inventory_is_said() {
     let mock = mock(Faults { silent: true, ..Faults::default() });
-    let said = refusal(&settings(&mock), |e| matches!(e, Error::Haply(Refused::NoService { .. })), 1);
+    let said = refusal(&settings(&mock), |e| matches!(e, Refused::NoService { .. }), 1);
     contains(&said, &["no inventory came within 2 s"]);
 }
 
 #[test]
 fn a_version_that_is_too_old_is_said() {
     let mock = Mock::start(Options { port: 0, version: "3.0.5".into(), ..Options::default() }).expect("a free port");
-    let said = refusal(&settings(&mock), |e| matches!(e, Error::Haply(Refused::Version { .. })), 2);
+    let said = refusal(&settings(&mock), |e| matches!(e, Refused::Version { .. }), 2);
     contains(&said, &[&mock.url(), "version 3.0.5", "wanted 3.1 or newer", "update the service"]);
 }
 
 #[test]
 fn a_service_without_an_arm_says_what_it_has() {
     let mock = Mock::start(Options { port: 0, arms: Vec::new(), ..Options::default() }).expect("a free port");
-    let said = refusal(&settings(&mock), |e| matches!(e, Error::Haply(Refused::NoArm { .. })), 2);
+    let said = refusal(&settings(&mock), |e| matches!(e, Refused::NoArm { .. }), 2);
     contains(&said, &["no Inverse3", "verse_grip GRIP", "plug one in"]);
     let bare =
         Mock::start(Options { port: 0, arms: vec![], grips: vec![], ..Options::default() }).expect("a free port");
-    contains(
-        &refusal(&settings(&bare), |e| matches!(e, Error::Haply(Refused::NoArm { .. })), 2),
-        &["no device at all"],
-    );
+    contains(&refusal(&settings(&bare), |e| matches!(e, Refused::NoArm { .. }), 2), &["no device at all"]);
 }
 
 #[test]
 fn a_device_that_is_not_there_says_what_is() {
     let mock = mock(Faults::default());
     let arm = Settings { device: Some("049D".into()), ..settings(&mock) };
-    let said = refusal(&arm, |e| matches!(e, Error::Haply(Refused::Unknown { .. })), 2);
+    let said = refusal(&arm, |e| matches!(e, Refused::Unknown { .. }), 2);
     contains(&said, &["no arm \"049D\"", "inverse3 MOCK, verse_grip GRIP", "name one of these"]);
     let grip = Settings { grip: Some("1402".into()), ..settings(&mock) };
-    let said = refusal(&grip, |e| matches!(e, Error::Haply(Refused::Unknown { .. })), 2);
+    let said = refusal(&grip, |e| matches!(e, Refused::Unknown { .. }), 2);
     contains(&said, &["no grip \"1402\"", "verse_grip GRIP"]);
 }
 
@@ -551,7 +549,8 @@ fn a_taken_port_is_said() {
     let mock = mock(Faults::default());
     let port = mock.url().rsplit(':').next().and_then(|p| p.parse().ok()).expect("a port");
     let error = Mock::start(Options { port, ..Options::default() }).err().expect("the port is taken");
-    assert!(matches!(&error, Error::Haply(Refused::Port { .. })) && error.exit_code() == 1, "{error:?}");
+    let Error::Haply(refused) = &error else { panic!("{error:?}") };
+    assert!(matches!(**refused, Refused::Port { .. }) && error.exit_code() == 1, "{error:?}");
     contains(&error.to_string(), &[&format!("127.0.0.1:{port}"), "--port 0 takes a free one"]);
     let wrong = Mock::start(Options { port: 0, version: "new".into(), ..Options::default() }).err();
     contains(&wrong.expect("it is none").to_string(), &["version \"new\"", "such as 3.5.0"]);

@@ -350,7 +350,7 @@ fn squeezed(place: &Platform) {
         scene.time.step = if integrator == Integrator::Static { 1.0 } else { 2e-3 };
         scene.time.duration = 60.0 * scene.time.step;
         scene.solver.newton = integrator == Integrator::ImplicitEuler;
-        scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-8 } else { 1e-4 };
+        scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-5 } else { 1e-4 };
         // slender, so that a dead pressure of a hundredth of it would buckle it
         (scene.skins[0].size, scene.skins[0].rayleigh_stiffness) = ([2e-3, 2e-3], 0.01);
         scene.skins[0].layers.iter_mut().for_each(|layer| layer.thickness *= 4.0);
@@ -372,7 +372,7 @@ fn squeezed(place: &Platform) {
     }
     // a single long step ends with the pressure on the shape at its end; on that at its start it would be dead
     let mut scene = against_wall(place, NEO_HOOKEAN, pressure(Region::All, p, true));
-    scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-8 } else { 1e-4 };
+    scene.solver.tolerance = 1e-4;
     probe(&mut scene, ProbeKind::VolumeChange { body: 0 });
     let found = *probes(&scene, place, 1).last().expect("the last probe");
     measured(&format!("volume change {place:?}"), found, shrinks(p, true));

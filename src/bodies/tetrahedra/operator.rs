@@ -515,6 +515,7 @@ impl<R: Real> Arrays<R> {
         rotations: &Rotations<R>,
         scratch: &'a mut [R],
     ) -> &'a mut [V4<R>] {
+        // hyperelastic ones have their own
         if self.is_hyperelastic() {
             return match total {
                 0 => self.changes_of_law(z, rotations, scratch),
@@ -526,10 +527,12 @@ impl<R: Real> Arrays<R> {
         let element = &rotations.element;
         let [of_elements, stress, strain, pressure] = self.divided(scratch);
         let of_elements = of_elements.as_chunks_mut().0;
+        // plain: each element by itself
         if !self.smoothed {
             tetrahedra_plain::tetrahedra_plain(&params, corners, gradients, element, z, of_elements);
             return of_elements;
         }
+        // smoothed: strains of elements, then the shear of the domains and the pressure of the nodes
         let stress = stress.as_chunks_mut().0;
         tetrahedra_strains::tetrahedra_strains(&params, corners, gradients, element, z, of_elements);
         tetrahedra_domains::tetrahedra_domains(
@@ -552,6 +555,7 @@ impl<R: Real> Arrays<R> {
             strain,
             pressure,
         );
+        // both as forces at the corners
         let domains = &self.domains;
         tetrahedra_smoothed::tetrahedra_smoothed(corners, gradients, element, domains, stress, pressure, of_elements);
         of_elements

@@ -96,6 +96,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         Stop::Iterations(n) => (String::new(), n.to_string()),
         Stop::Exact => (String::new(), String::new()),
     };
+    // where it ran, and of what
     let adapter = if backend == "gpu" { study.adapter.clone().unwrap_or_default() } else { study.machine.clone() };
     let poisson: Vec<String> = study.poisson.iter().map(f64::to_string).collect();
     [
@@ -290,9 +291,11 @@ fn page(study: &Study) -> String {
     if study.left_out > 0 {
         let _ = writeln!(out, "Left out for want of time: {} settings.", study.left_out);
     }
+    // what is missing
     for line in failed_lines(study) {
         let _ = writeln!(out, "Not run: {line}");
     }
+    // advice, the front, everything
     out += "\n![study.svg](study.svg)\n\n## The fastest setting within an error\n\n";
     out += &HEAD.replace("| setting |", "| total error within | setting |").replacen("| --- |", "| --- | --- |", 1);
     for (need, row) in advice(study) {

@@ -10,10 +10,12 @@ pub(super) fn check(part: &Part, skin: &Skin) -> Result<()> {
     part.positive("size", &skin.size)?;
     part.of("layers").that(!skin.layers.is_empty(), "none", "at least one layer")?;
     part.not_negative("rayleigh_mass, rayleigh_stiffness", &[skin.rayleigh_mass, skin.rayleigh_stiffness])?;
+    // grid, mesh or embedded surface
     let odd = skin.mesh.as_ref().map_or_else(|| skin.odd_grid(), |mesh| mesh.misfit(skin));
     odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
     let odd = skin.embedded.as_ref().and_then(|surface| surface.misfit(skin));
     odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
+    // layers
     for (k, layer) in skin.layers.iter().enumerate() {
         let part = part.of(format!("layers[{k}]"));
         part.positive("density", &[layer.density])?;
@@ -34,6 +36,7 @@ pub(super) fn check(part: &Part, skin: &Skin) -> Result<()> {
         }
         layer.odd_constant().map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
     }
+    // law, start and mass
     if let Law::Springs { stiffness, damping } = skin.law {
         part.of("law").that(
             stiffness.is_some() || skin.mesh.is_some(),
