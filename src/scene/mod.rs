@@ -56,7 +56,6 @@ pub use touching::{
 
 pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
 
-use loads::followed;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -189,7 +188,7 @@ impl Scene {
 
     /// Whether a follower pressure acts within the run.
     pub(crate) fn has_followers(&self) -> bool {
-        followed(&self.loads, self.time.duration)
+        loads::followed(&self.loads, self.time.duration)
     }
 
     /// Why `solver.newton` does not go with the rest of the scene, if so.

@@ -1,7 +1,8 @@
 //! Reads a scene text into a [`Scene`] in SI units.
 //!
-//! `raw` holds the tables as TOML has them, with units, ranges and defaults of their keys; `text` explains TOML errors, checks and converts values, `region` with `grid` reads regions;
-//! `body`, `bodies`, `loads`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
+//! `raw` holds the tables as TOML has them, with units, ranges and defaults of their keys; `text` explains TOML errors, checks and converts
+//! values, `region` with `grid` reads regions; `body`, `bodies`, `loads`, `tools` with `files`, and `outputs` read their tables. Small
+//! tables are read here.
 
 use super::bodies::{self, Names};
 use super::files::{Files, toml_of};

@@ -117,21 +117,19 @@ impl Simulation {
         let Some(round) = tool.round else { return };
         let share = 1.0 / f64::from(1 + self.swings);
         let normal = contact.axes[0].lerp(last.normal, 1.0 - share).normalize_or_zero();
-        let located = &self.bodies[body].located.nodes;
+        let body = &self.bodies[body];
+        let located = &body.located.nodes;
         if normal == DVec3::ZERO || !last.on_skin.nodes().all(|node| located.binary_search(&node).is_ok()) {
             return;
         }
-        let position = |point: &MaterialPoint| -> DVec3 {
-            point.0.iter().map(|(node, weight)| self.bodies[body].node_position(*node) * *weight).sum()
-        };
         // the tool's surface is about a point of its axis
         let centre = contact.point + contact.axes[0] * round.radius;
         let between = centre.lerp(tool.at(last.centre), 1.0 - share);
         let now = contact.points[1].0.iter().map(|(node, weight)| (*node, share * weight));
         let before = last.on_skin.0.iter().map(|(node, weight)| (*node, (1.0 - share) * weight));
         let on_skin = MaterialPoint(now.chain(before).collect()).through(MaterialPoint::node);
-        contact.gap[0] +=
-            normal.dot(between - position(&on_skin)) - contact.axes[0].dot(centre - position(&contact.points[1]));
+        contact.gap[0] += normal.dot(between - body.position_of(&on_skin))
+            - contact.axes[0].dot(centre - body.position_of(&contact.points[1]));
         (contact.point, contact.axes, contact.points[1]) = (between - normal * round.radius, frame(normal), on_skin);
     }
 }

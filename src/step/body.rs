@@ -22,7 +22,7 @@ use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::{V4, larger, norm};
-use crate::mesh::{Carved, Corner, Face};
+use crate::mesh::{Carved, Corner, Face, MaterialPoint};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 pub(super) use compliance::{MOST_AT_ONCE, RestShape, Solving};
@@ -307,6 +307,11 @@ impl Body {
     /// Position of a node itself, m; at rest if it was not read.
     pub(super) fn node_position(&self, node: u32) -> DVec3 {
         DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(self.located.displacement(node))
+    }
+
+    /// Position of a material point by its nodes, m; they are at rest if they were not read.
+    pub(super) fn position_of(&self, point: &MaterialPoint) -> DVec3 {
+        point.0.iter().map(|(node, weight)| self.node_position(*node) * *weight).sum()
     }
 
     /// Solves the unconstrained motion under forces at nodes, N; returns its values at `nodes`. With what a solve of the step `before` has ended

@@ -362,11 +362,7 @@ impl Simulation {
         let position = |side: usize| match contact.on[side] {
             BodyId::Deformable(body) => {
                 // nodes, not surface corners, which move off the nodes when cut: a tie's point must not
-                contact.points[side]
-                    .0
-                    .iter()
-                    .map(|(node, weight)| self.bodies[body].node_position(*node) * *weight)
-                    .sum()
+                self.bodies[body].position_of(&contact.points[side])
             }
             BodyId::Rigid(number) => self.tools[number].at(tie.attachment_point),
             BodyId::Plane(_) | BodyId::World => tie.attachment_point,
