@@ -115,7 +115,7 @@ impl Press {
         backend.reset_initial_guess(&[FREE]).expect("the device works");
         let begin = Instant::now();
         backend.begin().expect("the device works");
-        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let spent = begin.elapsed().as_secs_f64() * 1e3;
         (backend.solution(FREE).expect("the device works"), outcome.iterations, spent)
@@ -138,7 +138,7 @@ fn loosest(press: &Press, platform: Platform, kind: Preconditioner, exact: &[[f6
     let at = |cap: u32| {
         let mut backend = press.backend(platform, kind, cap);
         backend.begin().expect("the device works");
-        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TIGHT) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(TIGHT) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let left = error(&backend.solution(FREE).expect("the device works"), exact);
         (left, outcome.residual / outcome.target * TIGHT)
@@ -256,7 +256,7 @@ fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> 
     backend.reset_initial_guess(&[FREE]).expect("the device works");
     backend.set_rows(&[FREE], &rows).expect("the device works");
     let begin = Instant::now();
-    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
+    let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) }];
     backend.solve(&wanted, &[]).expect("the device works");
     begin.elapsed().as_secs_f64() * 1e3
 }

@@ -10,12 +10,12 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "accelerate", wgsl: include_str!("accelerate.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Displacement increments of all nodes (slot 0).
+/// Displacement increments of all nodes (right-hand side 0).
 pub fn accelerate<R: Real>(
     params: &Params<R>,
     dofs: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
-    b: &[V4<R>],     // [slot][node] N
-    x: &mut [V4<R>], // [slot][node] m
+    b: &[V4<R>],     // [rhs][node] N
+    x: &mut [V4<R>], // [rhs][node] m
 ) {
     for i in 0..params.node_count as usize {
         let inertia = dofs[i][3] * params.inertia;

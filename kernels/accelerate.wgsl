@@ -1,8 +1,8 @@
 // Solve of an explicit step. Twin: accelerate.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> dofs: array<vec4<f32>>;       // [node] 1 free, 0 fixed, per axis; mass kg
-@group(0) @binding(2) var<storage, read> b: array<vec4<f32>>;          // [slot][node] N
-@group(0) @binding(3) var<storage, read_write> x: array<vec4<f32>>;    // [slot][node] m
+@group(0) @binding(2) var<storage, read> b: array<vec4<f32>>;          // [rhs][node] N
+@group(0) @binding(3) var<storage, read_write> x: array<vec4<f32>>;    // [rhs][node] m
 
 @compute @workgroup_size(64)
 fn accelerate(thread: Thread) {

@@ -1,14 +1,14 @@
 // M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that includes it binds `block`, `r`, `partial_gamma` and
-// `scalars` and has four functions of an index `at` into [slot][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
+// `scalars` and has four functions of an index `at` into [rhs][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
 // turns the solution into the z of r·z.
 fn solve_columns(thread: Thread) {
     let group_index = group_of(thread);
     let column = number_of(thread);
     let columns = column_count(params);
     let nodes = column_nodes(params, column);
-    let slot = params.first_slot + thread.group.y;
-    let offset = slot * params.node_count;
-    let running = scalars[slot * 2u].w == 0.0;
+    let rhs = params.first_rhs + thread.group.y;
+    let offset = rhs * params.node_count;
+    let running = scalars[rhs * 2u].w == 0.0;
     var gamma = 0.0;
     if running && column < columns {
         var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
@@ -30,7 +30,7 @@ fn solve_columns(thread: Thread) {
     }
     let sum_of_group = group_sum(gamma, thread.lane);
     if thread.lane == 0u && column < columns {
-        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
+        partial_gamma[rhs * ((columns + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
     }
 }
 

@@ -2,7 +2,7 @@
 struct Params {
     nodes_x: u32, nodes_y: u32, nodes_z: u32, node_count: u32,
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
-    preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
+    preconditioner: u32, corotational: u32, rhs_count: u32, first_rhs: u32,
     product_groups: u32, fresh: u32, compensated: u32, zero: u32,
     extra_columns: u32, split_cells: u32, touched_nodes: u32, tetrahedron_count: u32,
     domain_count: u32, total: u32, pad: u32, pad_1: u32,

@@ -12,15 +12,15 @@ use crate::math::{Real, V3, V4};
 /// The shader.
 pub const SOURCE: Source = Source { name: "defect", wgsl: include_str!("defect.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Adds the defect to `b` (slot 0).
+/// Adds the defect to `b` (right-hand side 0).
 pub fn defect<R: Real>(
     params: &Params<R>,
     w: &[V4<R>],     // [node] product A Δx, N
-    x: &[V4<R>],     // [slot][node] m
+    x: &[V4<R>],     // [rhs][node] m
     dofs: &[V4<R>],  // [node] DOF mask and mass as in A, kg
     f: &[V4<R>],     // [node] elastic forces at the start, N
     f_end: &[V4<R>], // [node] those at the increment, N
-    b: &mut [V4<R>], // [slot][node] N
+    b: &mut [V4<R>], // [rhs][node] N
 ) {
     for i in 0..params.node_count as usize {
         let inertia = V3::from4(x[i]) * (params.inertia * dofs[i][3]);

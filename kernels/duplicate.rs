@@ -9,15 +9,15 @@ use crate::math::V4;
 pub const SOURCE: Source =
     Source { name: "duplicate", wgsl: include_str!("duplicate.wgsl"), params: &["count", "stride", "pad_0", "pad_1"] };
 
-/// All slots of an array.
+/// All right-hand sides of an array.
 pub fn duplicate<R: Copy>(
-    stride: usize,        // nodes of a slot
+    stride: usize,        // nodes of a right-hand side
     pairs: &[[u32; 2]],   // [entry] copy, source
-    values: &mut [V4<R>], // [slot][node] any
+    values: &mut [V4<R>], // [rhs][node] any
 ) {
-    for slot in values.chunks_exact_mut(stride) {
+    for own in values.chunks_exact_mut(stride) {
         for [copy, source] in pairs {
-            slot[*copy as usize] = slot[*source as usize];
+            own[*copy as usize] = own[*source as usize];
         }
     }
 }

@@ -2,8 +2,8 @@
 //! and f64.
 //!
 //! A twin has the shader's name, argument names and order of operations; it documents formula, units and source. Grid kernels share one
-//! parameter block, [`Params`]. Arrays over right-hand sides are `[slot][node]`: slot 0 is the unconstrained motion, slot 1 the contact
-//! correction, higher slots are compliance columns. The zero quaternion marks a cell that a cut has removed; on coarse multigrid levels a
+//! parameter block, [`Params`]. Arrays over right-hand sides are `[rhs][node]`: number 0 is the unconstrained motion, 1 the contact
+//! correction, the others are compliance columns. The zero quaternion marks a cell that a cut has removed; on coarse multigrid levels a
 //! quaternion shorter than one scales its cell's stiffness.
 //!
 //! The whole project uses one corner order for hexahedra, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
@@ -231,9 +231,9 @@ params! {
         /// 0 linear, 1 corotational, 2 and 3 hyperelastic ([`hyperelastic::STIFFENED`], [`hyperelastic::NEWTON`]).
         corotational: u32,
         /// Number of right-hand sides of the running solve.
-        slot_count: u32,
+        rhs_count: u32,
         /// First right-hand side of the running solve.
-        first_slot: u32,
+        first_rhs: u32,
         /// Partial sums of the product per right-hand side.
         product_groups: u32,
         /// 1: the smoother starts from zero.

@@ -1,6 +1,6 @@
 //! Increments of nodes on prescribed paths: `x_i = u*_i − u_i` along fixed axes, `u*` the prescribed displacement at the end of the step.
 //!
-//! `x` (slot 0) is the initial guess of the unconstrained motion. The rows of `A` along fixed axes are empty and so are the residuals there,
+//! `x` (right-hand side 0) is the initial guess of the unconstrained motion. The rows of `A` along fixed axes are empty and so are the residuals there,
 //! so conjugate gradients leave these entries as they are and solve `A_ff Δx_f = b_f − A_fc Δx_c` for the free ones: damping and inertia see
 //! the motion of fixed nodes as that of free ones. Free axes keep their initial guess: 0, so that the initial residual is the step's load. With the increment from the displacement itself,
 //! rounding does not accumulate along a path.
@@ -20,7 +20,7 @@ pub fn prescribe<R: Real>(
     values: &[V4<R>], // [entry] prescribed displacement at the end of the step, m
     dofs: &[V4<R>],   // [node] 1 free, 0 fixed, per axis; mass kg
     u: &[V4<R>],      // [node] m
-    x: &mut [V4<R>],  // [slot][node] m
+    x: &mut [V4<R>],  // [rhs][node] m
 ) {
     for (id, target) in ids.iter().zip(values) {
         let i = *id as usize;

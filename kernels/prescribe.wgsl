@@ -5,7 +5,7 @@ struct PrescribeParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(2) var<storage, read> values: array<vec4<f32>>;     // [entry] prescribed displacement at the end of the step, m
 @group(0) @binding(3) var<storage, read> dofs: array<vec4<f32>>;       // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;          // [node] m
-@group(0) @binding(5) var<storage, read_write> x: array<vec4<f32>>;    // [slot][node] m
+@group(0) @binding(5) var<storage, read_write> x: array<vec4<f32>>;    // [rhs][node] m
 
 @compute @workgroup_size(64)
 fn prescribe(thread: Thread) {

@@ -1,13 +1,13 @@
-// w = A z, one slot per dispatch row. Twin: product.rs (formula, mirror blocks and units there).
+// w = A z, one right-hand side per dispatch row. Twin: product.rs (formula, mirror blocks and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> modes: array<mat3x3<f32>, 168>;           // [layer × 8] blocks of B, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
 @group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
-@group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
-@group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
-@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w, of a slab each
-@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [rhs][node] m
+@group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [rhs][node] N
+@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [rhs][tile] z·w, of a slab each
+@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [rhs × 2] alpha beta gamma done; target² rr iterations state
 @group(0) @binding(9) var<storage, read> split: array<u32>;                  // see split.rs
 
 var<workgroup> corner_force: array<vec3<f32>, 512>; // [corner][thread], corners by bits x + 2y + 4z
@@ -78,9 +78,9 @@ fn product(thread: Thread) {
     let tile = group_of(thread);
     let tiles = product_tiles(params);
     let tile_count = tiles.x * tiles.y * tiles.z;
-    let slot = params.first_slot + thread.group.y;
-    let offset = slot * params.node_count;
-    let running = scalars[slot * 2u].w == 0.0 && tile < tile_count;
+    let rhs = params.first_rhs + thread.group.y;
+    let offset = rhs * params.node_count;
+    let running = scalars[rhs * 2u].w == 0.0 && tile < tile_count;
     let x = (tile % tiles.x) * PRODUCT_TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1
     let y = (tile / tiles.x % tiles.y) * PRODUCT_TILE + lane / 8u;
     let first = tile / (tiles.x * tiles.y) * PRODUCT_SLAB; // levels of nodes of this slab
@@ -132,5 +132,5 @@ fn product(thread: Thread) {
         workgroupBarrier();
     }
     let sum_of_group = group_sum(product_dot, lane);
-    if lane == 0u && tile < tile_count { partial_product[slot * params.product_groups + tile] = sum_of_group; }
+    if lane == 0u && tile < tile_count { partial_product[rhs * params.product_groups + tile] = sum_of_group; }
 }

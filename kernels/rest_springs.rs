@@ -22,7 +22,7 @@ pub fn rest_springs<R: Real>(
     spring_stiffness: &[R], // [spring] N/m
     dofs: &[V4<R>],         // [node] 1 free, 0 fixed, per axis; mass kg
     u: &[V4<R>],            // [node] m
-    b: &mut [V4<R>],        // [slot][node] N
+    b: &mut [V4<R>],        // [rhs][node] N
 ) {
     for (id, k) in ids.iter().zip(spring_stiffness) {
         let i = *id as usize;

@@ -5,7 +5,7 @@ struct RestSpringParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(2) var<storage, read> spring_stiffness: array<f32>; // [spring] N/m
 @group(0) @binding(3) var<storage, read> dofs: array<vec4<f32>>;       // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;          // [node] m
-@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;    // [slot][node] N
+@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;    // [rhs][node] N
 
 @compute @workgroup_size(64)
 fn rest_springs(thread: Thread) {

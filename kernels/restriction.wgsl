@@ -1,20 +1,20 @@
 // Residual of the next coarser level. Twin: restriction.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
 @group(0) @binding(1) var<storage, read> coarse_dofs: array<vec4<f32>>;      // [coarse node] 1 free, 0 fixed, per axis
-@group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                // [slot][node] N
-@group(0) @binding(3) var<storage, read> w: array<vec4<f32>>;                // [slot][node] N
-@group(0) @binding(4) var<storage, read_write> coarse_r: array<vec4<f32>>;   // [slot][coarse node] N
-@group(0) @binding(5) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
+@group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                // [rhs][node] N
+@group(0) @binding(3) var<storage, read> w: array<vec4<f32>>;                // [rhs][node] N
+@group(0) @binding(4) var<storage, read_write> coarse_r: array<vec4<f32>>;   // [rhs][coarse node] N
+@group(0) @binding(5) var<storage, read> scalars: array<vec4<f32>>;          // [rhs × 2]
 @group(0) @binding(6) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
 fn restriction(thread: Thread) {
     let i = number_of(thread);
-    let slot = params.first_slot + thread.group.y;
+    let rhs = params.first_rhs + thread.group.y;
     let size = coarse_nodes(params);
     let count = size.x * size.y * size.z;
-    if i >= count || scalars[slot * 2u].w != 0.0 { return; }
-    let offset = slot * params.node_count;
+    if i >= count || scalars[rhs * 2u].w != 0.0 { return; }
+    let offset = rhs * params.node_count;
     let at = vec3<u32>(2u * (i % size.x), 2u * ((i / size.x) % size.y), i / (size.x * size.y));
     var sum = vec3<f32>(0.0);
     // x and y are one more than the node's, so that they are not negative
@@ -36,5 +36,5 @@ fn restriction(thread: Thread) {
         }
         sum += along_y * select(0.5, 1.0, x == at.x + 1u);
     }
-    coarse_r[slot * count + i] = vec4<f32>(sum * coarse_dofs[i].xyz, 0.0);
+    coarse_r[rhs * count + i] = vec4<f32>(sum * coarse_dofs[i].xyz, 0.0);
 }

@@ -13,14 +13,14 @@ use crate::math::{Real, V3, V4};
 /// The shader.
 pub const SOURCE: Source = Source { name: "rhs", wgsl: include_str!("rhs.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Fills `b` (slot 0) and returns load² in N².
+/// Fills `b` (right-hand side 0) and returns load² in N².
 pub fn rhs<R: Real>(
     params: &Params<R>,
     f: &[V4<R>],     // [node] N
     v: &[V4<R>],     // [node] m/s
     dofs: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     load: &[V4<R>],  // [node] N
-    b: &mut [V4<R>], // [slot][node] N
+    b: &mut [V4<R>], // [rhs][node] N
 ) -> R {
     let g = V3::new(params.gravity_x, params.gravity_y, params.gravity_z);
     let mut load_squared = R::zero();

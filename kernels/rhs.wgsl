@@ -4,7 +4,7 @@
 @group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
 @group(0) @binding(3) var<storage, read> dofs: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(4) var<storage, read> load: array<vec4<f32>>;          // [node] N
-@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;       // [slot][node] N
+@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;       // [rhs][node] N
 @group(0) @binding(6) var<storage, read_write> partial_load: array<f32>;  // [group] N²
 
 @compute @workgroup_size(64)

@@ -5,10 +5,10 @@
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
 @group(0) @binding(4) var<storage, read> dofs: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
-@group(0) @binding(6) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
-@group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
-@group(0) @binding(8) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
-@group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(6) var<storage, read> z: array<vec4<f32>>;                // [rhs][node] m
+@group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;          // [rhs][node] N
+@group(0) @binding(8) var<storage, read_write> partial_product: array<f32>;  // [rhs][group] z·w
+@group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [rhs × 2] alpha beta gamma done; target² rr iterations state
 
 // Force of the split cells at node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
@@ -38,12 +38,12 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
 fn split_product(thread: Thread) {
     let index = group_of(thread);
     let entry = number_of(thread);
-    let slot = params.first_slot + thread.group.y;
-    let offset = slot * params.node_count;
+    let rhs = params.first_rhs + thread.group.y;
+    let offset = rhs * params.node_count;
     var i = NONE;
     if entry < params.touched_nodes { i = split[split_row(params) + params.cell_count + entry]; }
     var product_dot = 0.0;
-    if i != NONE && scalars[slot * 2u].w == 0.0 {
+    if i != NONE && scalars[rhs * 2u].w == 0.0 {
         let own = z[offset + i].xyz;
         var out = force_on(i, offset) * params.stiffness_factor;
         let of_grid = i < params.nodes_x * params.nodes_y * params.nodes_z;
@@ -56,6 +56,6 @@ fn split_product(thread: Thread) {
     let sum_of_group = group_sum(product_dot, thread.lane);
     if thread.lane == 0u && entry < params.touched_nodes {
         let tiles = product_tiles(params); // whose sums come first
-        partial_product[slot * params.product_groups + tiles.x * tiles.y * tiles.z + index] = sum_of_group;
+        partial_product[rhs * params.product_groups + tiles.x * tiles.y * tiles.z + index] = sum_of_group;
     }
 }

@@ -1,23 +1,23 @@
-// Change of the deformation of each hyperelastic tetrahedron, one slot per dispatch row. Twin: tetrahedra_changes.rs (formula and units
+// Change of the deformation of each hyperelastic tetrahedron, one right-hand side per dispatch row. Twin: tetrahedra_changes.rs (formula and units
 // there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> corners: array<vec4<u32>>;      // [tetrahedron] nodes
 @group(0) @binding(2) var<storage, read> gradients: array<vec4<f32>>;    // [tetrahedron × 3] see tetrahedra.rs
 @group(0) @binding(3) var<storage, read> cofactor: array<vec4<f32>>;     // [tetrahedron × 3] cof F
-@group(0) @binding(4) var<storage, read> z: array<vec4<f32>>;            // [slot][node] m
-@group(0) @binding(5) var<storage, read_write> strain: array<vec4<f32>>; // [slot][tetrahedron × 3] change of F, change of J
-@group(0) @binding(6) var<storage, read> scalars: array<vec4<f32>>;      // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(4) var<storage, read> z: array<vec4<f32>>;            // [rhs][node] m
+@group(0) @binding(5) var<storage, read_write> strain: array<vec4<f32>>; // [rhs][tetrahedron × 3] change of F, change of J
+@group(0) @binding(6) var<storage, read> scalars: array<vec4<f32>>;      // [rhs × 2] alpha beta gamma done; target² rr iterations state
 
 @compute @workgroup_size(64)
 fn tetrahedra_changes(thread: Thread) {
     let e = number_of(thread);
-    let slot = params.first_slot + thread.group.y;
-    if e >= params.tetrahedron_count || scalars[slot * 2u].w != 0.0 { return; }
-    let c = corners[e] + slot * params.node_count;
+    let rhs = params.first_rhs + thread.group.y;
+    if e >= params.tetrahedron_count || scalars[rhs * 2u].w != 0.0 { return; }
+    let c = corners[e] + rhs * params.node_count;
     let change = displacement_gradient(z[c.x].xyz, z[c.y].xyz, z[c.z].xyz, z[c.w].xyz, shape_gradients(e));
     let grown = dot(cofactor[3u * e].xyz, change[0]) + dot(cofactor[3u * e + 1u].xyz, change[1])
         + dot(cofactor[3u * e + 2u].xyz, change[2]);
-    let at = 3u * (slot * params.tetrahedron_count + e);
+    let at = 3u * (rhs * params.tetrahedron_count + e);
     strain[at] = vec4<f32>(change[0], grown);
     strain[at + 1u] = vec4<f32>(change[1], 0.0);
     strain[at + 2u] = vec4<f32>(change[2], 0.0);

@@ -1,29 +1,29 @@
-// Forces of each smoothed tetrahedron at its corners, one slot per dispatch row. Twin: tetrahedra_smoothed.rs (formula and units there).
+// Forces of each smoothed tetrahedron at its corners, one right-hand side per dispatch row. Twin: tetrahedra_smoothed.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> corners: array<vec4<u32>>;                 // [tetrahedron] nodes
 @group(0) @binding(2) var<storage, read> gradients: array<vec4<f32>>;               // [tetrahedron × 3] see tetrahedra.rs
 @group(0) @binding(3) var<storage, read> element_rotation: array<vec4<f32>>;        // [tetrahedron] quaternion
 @group(0) @binding(4) var<storage, read> domains: array<u32>;                       // [tetrahedron × 6]
-@group(0) @binding(5) var<storage, read> domain_stress: array<vec4<f32>>;           // [slot][domain × 3] Pa
-@group(0) @binding(6) var<storage, read> pressure: array<f32>;                      // [slot][node] Pa
-@group(0) @binding(7) var<storage, read_write> tetrahedron_force: array<vec4<f32>>; // [slot][tetrahedron × 3] at corners 1 to 3, N
-@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;                 // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(5) var<storage, read> domain_stress: array<vec4<f32>>;           // [rhs][domain × 3] Pa
+@group(0) @binding(6) var<storage, read> pressure: array<f32>;                      // [rhs][node] Pa
+@group(0) @binding(7) var<storage, read_write> tetrahedron_force: array<vec4<f32>>; // [rhs][tetrahedron × 3] at corners 1 to 3, N
+@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;                 // [rhs × 2] alpha beta gamma done; target² rr iterations state
 
 const EDGES: u32 = 6u;
 
 @compute @workgroup_size(64)
 fn tetrahedra_smoothed(thread: Thread) {
     let e = number_of(thread);
-    let slot = params.first_slot + thread.group.y;
-    if e >= params.tetrahedron_count || scalars[slot * 2u].w != 0.0 { return; }
-    let c = corners[e] + slot * params.node_count;
+    let rhs = params.first_rhs + thread.group.y;
+    if e >= params.tetrahedron_count || scalars[rhs * 2u].w != 0.0 { return; }
+    let c = corners[e] + rhs * params.node_count;
     let mean = (pressure[c.x] + pressure[c.y] + pressure[c.z] + pressure[c.w]) * 0.25;
     var stress = rotation_matrix(element_rotation[e]) * mean;
     for (var n = 0u; n < EDGES; n += 1u) {
-        let at = 3u * (slot * params.domain_count + domains[EDGES * e + n]);
+        let at = 3u * (rhs * params.domain_count + domains[EDGES * e + n]);
         stress += mat3x3<f32>(domain_stress[at].xyz, domain_stress[at + 1u].xyz, domain_stress[at + 2u].xyz);
     }
     let forces = stress * shape_gradients(e) * gradients[3u * e].w;
-    let to = 3u * (slot * params.tetrahedron_count + e);
+    let to = 3u * (rhs * params.tetrahedron_count + e);
     for (var n = 0u; n < 3u; n += 1u) { tetrahedron_force[to + n] = vec4<f32>(forces[n], 0.0); }
 }

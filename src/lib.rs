@@ -165,7 +165,7 @@
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
-//! - One writer per array slot and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
+//! - One writer per array entry and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
 //!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds.
 //!   Exceptions: the sparse factor ([`bodies::grid::direct`]), pictures and plots.
 //! - Core WebGPU limits: 8 storage buffers per kernel, no subgroups, no f64. A size beyond a limit is an error that names the limit.

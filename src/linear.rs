@@ -8,7 +8,7 @@ use crate::math::{Real, V4};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Vectors of one right-hand side; `x` holds the initial guess and then the solution, `r` the right-hand side and then the residual.
-pub struct Slot<'a, R> {
+pub struct SolverVectors<'a, R> {
     /// `[node]` m
     pub x: &'a mut [V4<R>],
     /// `[node]` N
@@ -61,7 +61,7 @@ impl Outcome {
 /// Solves `A x = r` from the initial guess `x`; `product` computes `w = A z` and `z·w`, `precondition` computes `z = M⁻¹ r` and `r·z`. Once
 /// `interrupt` is set, the present iteration is the last.
 pub fn solve<R: Real>(
-    slot: Slot<R>,
+    vectors: SolverVectors<R>,
     request: &Request<R>,
     load: R,
     max_iterations: u32,
@@ -69,7 +69,7 @@ pub fn solve<R: Real>(
     mut product: impl FnMut(&[V4<R>], &mut [V4<R>]) -> R,
     mut precondition: impl FnMut(&[V4<R>], &mut [V4<R>]) -> R,
 ) -> Outcome {
-    let Slot { x, r, p, s, z, w } = slot;
+    let SolverVectors { x, r, p, s, z, w } = vectors;
     let mut k = Scalars { alpha: R::one(), ..Scalars::default() };
     let (mut gamma, mut residual) = (R::zero(), R::zero());
     z.copy_from_slice(x);
@@ -109,8 +109,8 @@ mod tests {
             z.copy_from_slice(r);
             dot(r, z)
         };
-        let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
-        solve(slot, &request, N as f64, 1000, &AtomicBool::new(interrupt), product, precondition)
+        let vectors = SolverVectors { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
+        solve(vectors, &request, N as f64, 1000, &AtomicBool::new(interrupt), product, precondition)
     }
 
     #[test]

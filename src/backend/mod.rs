@@ -2,8 +2,8 @@
 //!
 //! One step, as driven by `step`: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner); [`Backend::solve`] for the
 //! unconstrained motion, for compliance columns and for the contact correction, whose right-hand sides [`Backend::set_rows`] sets; then
-//! [`Backend::finish`]. Arrays over right-hand sides are `[slot][node]`, where a slot is the index of a right-hand side: [`FREE`] is the
-//! unconstrained motion, [`CORRECTION`] the contact correction, compliance columns start at [`FIRST_COLUMN`]. A solution stays in its slot
+//! [`Backend::finish`]. Arrays over right-hand sides are `[rhs][node]`, where `rhs` is the index of one: [`FREE`] is the
+//! unconstrained motion, [`CORRECTION`] the contact correction, compliance columns start at [`FIRST_COLUMN`]. A solution stays there
 //! and is the initial guess of the next solve.
 
 mod conserve;
@@ -70,7 +70,7 @@ pub struct Needs {
 
 impl Needs {
     /// Number of stored right-hand sides.
-    pub fn slots(&self) -> usize {
+    pub fn right_hand_sides(&self) -> usize {
         if self.contact { FIRST_COLUMN + self.columns } else { 1 }
     }
 }
@@ -106,7 +106,7 @@ pub enum Vector {
 #[derive(Clone, Copy, Debug)]
 pub struct SolveRequest {
     /// Right-hand side index.
-    pub slot: usize,
+    pub rhs: usize,
     /// Stopping criterion.
     pub target: Target,
 }
@@ -193,16 +193,16 @@ pub trait Backend: Send {
     /// far ([`crate::kernels::defect`]) and without added forces. That increment, of which the contact correction is part if `corrected`, is the
     /// initial guess.
     fn add_defect(&mut self, corrected: bool) -> Result<()>;
-    /// Sets right-hand sides of compliance columns from (slot, node, N) entries; zeroes `slots` first. No entry may occur twice.
-    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
+    /// Sets right-hand sides of compliance columns from (rhs, node, N) entries; zeroes `rhs_ids` first. No entry may occur twice.
+    fn set_rows(&mut self, rhs_ids: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
     /// Sets a right-hand side, `[node]` N, or a solution, which is also the next initial guess, `[node]` m.
-    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()>;
-    /// Resets the initial guesses of these slots to zero.
-    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()>;
-    /// Adds displacements at nodes, m, each once, to the initial guess of a slot. That of a body with a nonlinear law is what the step's motion
+    fn set_vector(&mut self, which: Vector, rhs: usize, values: &[V4<f64>]) -> Result<()>;
+    /// Resets the initial guesses of these right-hand sides to zero.
+    fn reset_initial_guess(&mut self, rhs_ids: &[usize]) -> Result<()>;
+    /// Adds displacements at nodes, m, each once, to the initial guess of a right-hand side. That of a body with a nonlinear law is what the step's motion
     /// begins with there; elsewhere it begins at rest.
-    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()>;
-    /// Solves several right-hand sides together and returns values of `x` at (slot, node).
+    fn advance_guess(&mut self, rhs: usize, entries: &[(u32, [f64; 3])]) -> Result<()>;
+    /// Solves several right-hand sides together and returns values of `x` at (right-hand side, node).
     fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
     /// Sets the correction directly at some nodes and to zero elsewhere, m (uncoupled correction).
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
@@ -232,5 +232,5 @@ pub trait Backend: Send {
     /// Submits recorded commands.
     fn flush(&mut self) {}
     /// Solution of a right-hand side, `[node]` m.
-    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
+    fn solution(&mut self, rhs: usize) -> Result<Vec<V4<f64>>>;
 }

@@ -542,7 +542,7 @@ impl Model {
             domain_count: domain_count as u32,
             preconditioner: s.preconditioner,
             corotational: mechanics.corotational(),
-            slot_count: 1,
+            rhs_count: 1,
             product_groups: mechanics.product_groups(self) as u32,
             inertia: R::of(s.inertia()),
             stiffness_factor: R::of(s.stiffness_factor()),

@@ -552,9 +552,9 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Dispatches a kernel over `threads` × `slots`; 0 of either is a no-op.
-    pub fn run(&mut self, kernel: &Bound, threads: usize, slots: u32) {
-        if threads == 0 || slots == 0 {
+    /// Dispatches a kernel over `threads` × `rows`; 0 of either is a no-op.
+    pub fn run(&mut self, kernel: &Bound, threads: usize, rows: u32) {
+        if threads == 0 || rows == 0 {
             return;
         }
         let groups = (threads as u64).div_ceil(u64::from(kernel.pipeline.shader.workgroup));
@@ -569,7 +569,7 @@ impl Batch {
         self.dispatches += 1;
         pass.set_pipeline(&kernel.pipeline.raw);
         pass.set_bind_group(0, &kernel.group, &[]);
-        pass.dispatch_workgroups(groups.div_ceil(folds) as u32, slots, folds as u32);
+        pass.dispatch_workgroups(groups.div_ceil(folds) as u32, rows, folds as u32);
     }
 
     /// Copies bytes between buffers.

@@ -127,7 +127,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     plan.cells += model.cell_count();
     plan.spring_count += model.elements().spring_count;
     plan.dof += model.degrees_of_freedom();
-    plan.right_hand_sides = plan.right_hand_sides.max(needs.slots());
+    plan.right_hand_sides = plan.right_hand_sides.max(needs.right_hand_sides());
     plan.host_bytes += model.host_bytes();
     let empty = Snapshot::default();
     let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &empty)?;

@@ -28,7 +28,7 @@ use compliance::AtRest;
 pub(super) use compliance::{MOST_AT_ONCE, RestShape, Solving};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use start::{check_step, slots};
+use start::{check_step, right_hand_sides};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -157,7 +157,7 @@ impl Body {
             // refuse a grid that does not fit before the host spends minutes on it
             let [x, y] = skin.cells.map(|c| u64::from(c) + 1);
             let z: u64 = skin.layers.iter().map(|l| u64::from(l.cells)).sum();
-            gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
+            gpu.fits("x", x * y * (z + 1) * 16 * right_hand_sides(scene) as u64)?;
         }
         // model and initial state on the backend
         let model = Model::new(scene, number)?;
@@ -339,7 +339,7 @@ impl Body {
                 Target::OfLoad(solver.tolerance)
             }
         };
-        let wanted = [SolveRequest { slot: FREE, target }];
+        let wanted = [SolveRequest { rhs: FREE, target }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         // a non-finite solution has a non-finite residual

@@ -54,7 +54,7 @@ impl Run {
         let device = "the CPU path has no device to fail";
         let before = self.state();
         self.backend.begin().expect(device);
-        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) }];
         let outcome = self.backend.solve(&wanted, &[]).expect(device).0[0];
         assert!(outcome.converged, "{outcome:?} of {} pieces", self.pieces);
         self.iterations = self.iterations.max(outcome.iterations);

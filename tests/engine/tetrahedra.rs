@@ -106,7 +106,7 @@ fn iterations(scene: &Scene, spoil: impl Fn(&mut Auxiliary)) -> (u32, Vec<[f64; 
     let start = cutis::step::start(scene, &model);
     let mut backend = on_cpu(false, &model, Needs::default(), 1000, 0.0, &start);
     backend.begin().expect("the CPU path has no device to fail");
-    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(1e-6) }];
+    let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(1e-6) }];
     let (outcomes, _) = backend.solve(&wanted, &[]).expect("the CPU path has no device to fail");
     assert!(outcomes[0].converged, "{:?}", outcomes[0]);
     (outcomes[0].iterations, backend.solution(FREE).expect("the CPU path has no device to fail"))

@@ -1,7 +1,7 @@
 //! A random body in SI units, about as soft and as large as skin: every array that a kernel may ask for, by the shader's name.
 //!
 //! Each array is made from its name and the seed when it is asked for, so that a kernel and its twin see the same numbers. One cell is
-//! dead, some axes are held, one spring has no length, one slot in eight is done. What a kernel overwrites starts as noise.
+//! dead, some axes are held, one spring has no length, one right-hand side in eight is done. What a kernel overwrites starts as noise.
 
 use cutis::bodies::MAX_LAYERS;
 use cutis::bodies::springs::Springs;
@@ -21,10 +21,10 @@ use cutis::mesh::{Grid, Parts};
 pub struct Body {
     /// The kernel that runs on it.
     pub kernel: &'static str,
-    /// Slots of a solve.
-    pub slots: usize,
-    /// First slot that a dispatch works on.
-    pub first_slot: usize,
+    /// Right-hand sides of a solve.
+    pub rhs_count: usize,
+    /// First right-hand side that a dispatch works on.
+    pub first_rhs: usize,
     /// Geometry.
     pub grid: Grid,
     /// Springs between all corners of each cell.
@@ -56,7 +56,7 @@ pub enum Array {
     Count(Vec<u32>),
 }
 
-/// alpha, beta, gamma, done, target², rr, iterations, state of a slot, by what `advance` makes of it; see [`REQUESTS`] too.
+/// alpha, beta, gamma, done, target², rr, iterations, state of a right-hand side, by what `advance` makes of it; see [`REQUESTS`] too.
 #[rustfmt::skip]
 const SCALARS: [[f32; 8]; 8] = [
     [2.0, 0.7, 3.0, 0.0, 1e-9, 0.5, 7.0, 3.0], // goes on
@@ -68,7 +68,7 @@ const SCALARS: [[f32; 8]; 8] = [
     [2.0, 0.7, 3.0, 0.0, 1e9, 0.5, 7.0, 3.0],  // has converged
     [2.0, 0.7, 3.0, 0.0, 1e-9, 0.5, 7.0, 3.0], // breaks down: negative curvature
 ];
-/// tolerance², reference², floor², use_load of the same slots.
+/// tolerance², reference², floor², use_load of the same right-hand sides.
 #[rustfmt::skip]
 const REQUESTS: [[f32; 4]; 8] = [
     [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 2.0], [1e-6, 3.0, 1e-9, 0.0],
@@ -116,7 +116,7 @@ fn lists(count: usize, members: usize) -> (Vec<u32>, Vec<u32>) {
 
 impl Body {
     /// A body of some cells; without any, its nodes are in a row.
-    pub fn new(kernel: &'static str, cells: [usize; 3], slots: usize, first_slot: usize, seed: u64) -> Self {
+    pub fn new(kernel: &'static str, cells: [usize; 3], rhs_count: usize, first_rhs: usize, seed: u64) -> Self {
         let grid = Grid {
             cells,
             nodes: if cells == [0; 3] { [ROW, 1, 1] } else { cells.map(|c| c + 1) },
@@ -130,7 +130,7 @@ impl Body {
         let rest: Vec<[f64; 3]> = (0..grid.node_count()).map(|node| grid.rest(node)).collect();
         let moduli = [0.8, 1.0, 1.3].map(|c| [9e4 * c, 1e4 * c]);
         let tetrahedra = Arrays::new(&rest, &grid.tetrahedra(), &moduli, true);
-        Self { kernel, slots, first_slot, springs, tetrahedra, no_segments: vec![], grid, parts, seed }
+        Self { kernel, rhs_count, first_rhs, springs, tetrahedra, no_segments: vec![], grid, parts, seed }
     }
 
     /// What the grid kernels know of it.
@@ -139,11 +139,11 @@ impl Body {
             preconditioner: 3,
             // one of the bodies takes factors of the stiffness
             corotational: if self.grid.cells[0] == 7 { STIFFENED } else { 1 },
-            slot_count: self.slots as u32,
-            first_slot: self.first_slot as u32,
+            rhs_count: self.rhs_count as u32,
+            first_rhs: self.first_rhs as u32,
             tetrahedron_count: self.tetrahedra.corners.len() as u32,
             domain_count: self.tetrahedra.shear.len() as u32,
-            total: u32::from(self.first_slot == 0),
+            total: u32::from(self.first_rhs == 0),
             product_groups: self.product_groups() as u32,
             inertia: R::of(1_010_000.0),
             stiffness_factor: R::of(11.0),
@@ -151,8 +151,8 @@ impl Body {
             momentum_factor: R::of(1.75),
             velocity_factor: R::of(1.5),
             lead_time: R::of(0.0625),
-            fresh: u32::from(self.first_slot > 0),
-            compensated: u32::from(self.slots > 3),
+            fresh: u32::from(self.first_rhs > 0),
+            compensated: u32::from(self.rhs_count > 3),
             keep: R::of(0.375),
             gain: R::of(0.75),
             gravity_x: R::of(0.5),
@@ -203,7 +203,7 @@ impl Body {
         tiles(&self.grid.params::<f64>())
     }
 
-    /// Partial sums of the product, per slot.
+    /// Partial sums of the product, per right-hand side.
     pub fn product_groups(&self) -> usize {
         match self.kernel {
             "collect_product" => self.product_tiles() + self.node_groups(),
@@ -301,7 +301,7 @@ impl Body {
     }
 
     fn reals(&self, name: &str) -> Vec<f32> {
-        let (nodes, all) = (self.nodes(), self.nodes() * self.slots.max(2));
+        let (nodes, all) = (self.nodes(), self.nodes() * self.rhs_count.max(2));
         let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
         let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
@@ -321,11 +321,11 @@ impl Body {
             "node_rotation" | "mean_rotation" => (0..nodes).flat_map(|_| turned(&mut random)).collect(),
             // with pressures of the size of the moduli
             "strain" if self.kernel == "tetrahedra_laws" => {
-                let mut strain = random.many(12 * tetrahedra * self.slots, 0.2);
+                let mut strain = random.many(12 * tetrahedra * self.rhs_count, 0.2);
                 strain.iter_mut().skip(3).step_by(12).for_each(|pressure| *pressure *= 1e5);
                 strain
             }
-            "strain" => random.many(12 * tetrahedra * self.slots, 0.2),
+            "strain" => random.many(12 * tetrahedra * self.rhs_count, 0.2),
             "cofactor" => random.many(12 * tetrahedra, 1.0),
             "frame" => positive(&mut random, 4 * domains).map(|c| 1e4 * c).collect(),
             "laws" => (0..LAYERS)
@@ -340,12 +340,12 @@ impl Body {
                 let of_layer = |(k, [volume, _]): (usize, &[f64; 2])| [*volume as f32, (k % LAYERS) as f32];
                 of.shear.iter().enumerate().flat_map(of_layer).collect()
             }
-            "tetrahedron_force" => random.vectors(3 * tetrahedra * self.slots, 0.01),
-            "domain_stress" => random.vectors(3 * domains * self.slots, 1e3),
+            "tetrahedron_force" => random.vectors(3 * tetrahedra * self.rhs_count, 0.01),
+            "domain_stress" => random.vectors(3 * domains * self.rhs_count, 1e3),
             // volumes up to two and a half times as large, and flat
-            "nodal_strain" if self.kernel == "tetrahedra_pressed" => random.many(nodes * self.slots, 1.5),
-            "nodal_strain" => random.many(nodes * self.slots, 0.1),
-            "pressure" => random.many(nodes * self.slots, 1e4),
+            "nodal_strain" if self.kernel == "tetrahedra_pressed" => random.many(nodes * self.rhs_count, 1.5),
+            "nodal_strain" => random.many(nodes * self.rhs_count, 0.1),
+            "pressure" => random.many(nodes * self.rhs_count, 1e4),
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
@@ -371,7 +371,7 @@ impl Body {
             // one for all of some grids
             "scale" if self.grid.cells[0] == 7 && self.kernel != "auxiliary_rotations" => vec![1.3; 4],
             "scale" => (0..self.grid.cell_count()).map(|_| 1.0 + 0.7 * random.next()).collect(),
-            "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
+            "corner_force" => random.many(self.grid.cell_count() * 24 * self.rhs_count, 0.01),
             "energy" => random.many(self.grid.cell_count(), 1e-6),
             "predicted_decrease" => random.many(self.node_groups(), 1e-6),
             "potential_and_residual" => random.many(self.node_groups() * 4, 1e-6),
@@ -383,10 +383,10 @@ impl Body {
             "y" => random.vectors(nodes, 1e-2),
             "f" | "f_end" | "load" => random.vectors(nodes, 0.01),
             "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),
-            "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
-            "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
+            "coarse_z" => random.vectors(self.coarse_nodes() * self.rhs_count, 1e-4),
+            "coarse_r" => random.vectors(self.coarse_nodes() * self.rhs_count, 0.01),
             "coarse_rotation" => random.many(self.coarse_frames() * 4, 1.0),
-            "r" if self.kernel == "auxiliary_restriction" => random.vectors((nodes + BESIDE) * self.slots, 0.01),
+            "r" if self.kernel == "auxiliary_restriction" => random.vectors((nodes + BESIDE) * self.rhs_count, 0.01),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
@@ -401,7 +401,7 @@ impl Body {
             "rotation" => self.rotation(&mut random),
             "weight" | "weight_around" => random.many(self.weighted().1.len(), 1.0),
             "auxiliary_r" => random.vectors(all, 0.01),
-            "auxiliary_z" => random.vectors((nodes + BESIDE) * self.slots, 1e-4),
+            "auxiliary_z" => random.vectors((nodes + BESIDE) * self.rhs_count, 1e-4),
             "dofs" | "coarse_dofs" | "auxiliary_dofs" => (0..nodes)
                 .flat_map(|_| {
                     let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
@@ -422,8 +422,8 @@ impl Body {
                 })
                 .collect(),
             "quads" => random.vectors(QUADS * 4, 3e-3).iter().map(|c| c + 1e-3).collect(),
-            "scalars" => SCALARS[..self.slots].concat(),
-            "requests" => REQUESTS[..self.slots].concat(),
+            "scalars" => SCALARS[..self.rhs_count].concat(),
+            "requests" => REQUESTS[..self.rhs_count].concat(),
             "partial_product" => {
                 let groups = self.product_groups();
                 let sign = |k: usize| if k / groups == 7 { -1.0 } else { 1.0 };
@@ -433,13 +433,13 @@ impl Body {
                     "split_product" | "collect_product" => k % groups >= self.product_tiles(),
                     _ => true,
                 };
-                let all = positive(&mut random, self.slots * groups).enumerate();
+                let all = positive(&mut random, self.rhs_count * groups).enumerate();
                 all.map(|(k, c)| if own(k) { c * sign(k) } else { 0.0 }).collect()
             }
-            "partial_gamma" => positive(&mut random, self.slots * self.column_groups()).collect(),
+            "partial_gamma" => positive(&mut random, self.rhs_count * self.column_groups()).collect(),
             "cases" => probe::cases().concat(),
             "errors" => random.many(probe::CASES, 1.0),
-            "partial_residual" => positive(&mut random, self.slots * self.node_groups()).collect(),
+            "partial_residual" => positive(&mut random, self.rhs_count * self.node_groups()).collect(),
             "partial_load" => positive(&mut random, self.node_groups()).collect(),
             _ => panic!("no array is called `{name}`; give it a shape and a scale here"),
         }

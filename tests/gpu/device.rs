@@ -218,13 +218,13 @@ fn an_unknown_adapter_lists_those_there_are(gpu: &Gpu) -> Result<(), Failure> {
     }
 }
 
-/// `r·r` of a running slot as `converge` sums it, and as f64 does; parts of 0.5 to 1.5.
+/// `r·r` of a running right-hand side as `converge` sums it, and as f64 does; parts of 0.5 to 1.5.
 fn summed(gpu: &Gpu, compensated: u32) -> Result<f64, Failure> {
     const NODES: u32 = 1 << 24;
     let parts: Vec<f32> =
         (0..NODES / GROUP).map(|k| 0.5 + (k.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
     let exact: f64 = parts.iter().map(|p| f64::from(*p)).sum();
-    let params = Params::<f32> { node_count: NODES, slot_count: 1, compensated, ..Params::default() };
+    let params = Params::<f32> { node_count: NODES, rhs_count: 1, compensated, ..Params::default() };
     let scalars = gpu.array_of("scalars", &[[1f32, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0]])?;
     let list = [
         ("params", &gpu.uniform("params", 0, &params.words())),

@@ -6,7 +6,7 @@
 use super::Failure;
 use super::body::{Array, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
-use super::twins::{self, Outputs, slot_sums};
+use super::twins::{self, Outputs, rhs_sums};
 use cutis::gpu::{Access, Buffer, Gpu, Shader, cast};
 use cutis::kernels::tetrahedra::matrix;
 use cutis::kernels::{self, GROUP, Source};
@@ -44,18 +44,18 @@ pub struct Case {
     single: fn(&Body) -> Outputs<f32>,
     bounded: fn(&Body) -> Outputs<Bounded>,
     threads: Threads,
-    by_slot: bool,
+    by_rhs: bool,
     breaks: &'static [(&'static str, &'static str)],
 }
 
 macro_rules! cases {
-    ($($name:ident $threads:ident $by_slot:literal [$($from:literal => $to:literal),+])*) => {
+    ($($name:ident $threads:ident $by_rhs:literal [$($from:literal => $to:literal),+])*) => {
         &[$(Case {
             source: &kernels::$name::SOURCE,
             single: twins::$name::<f32>,
             bounded: twins::$name::<Bounded>,
             threads: Threads::$threads,
-            by_slot: $by_slot,
+            by_rhs: $by_rhs,
             breaks: &[$(($from, $to)),+],
         }),*]
     };
@@ -80,12 +80,12 @@ const CASES: &[Case] = cases! {
         "* spring_stiffness[k]" => "* spring_stiffness[0]", "* dofs[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
     auxiliary_correction Nodes true [
-        "+ weighted[n]" => "", "* weight[n]" => "", "* dofs[i].xyz" => "", "slot * (arrayLength(&auxiliary_z) / params.slot_count)" => "slot * params.node_count",
-        "n < first_weight[i + 1u]" => "n + 1u < first_weight[i + 1u]", "w[at] = vec4<f32>(0.0)" => "w[at] = z[at]", "scalars[slot * 2u].w != 0.0" => "false"
+        "+ weighted[n]" => "", "* weight[n]" => "", "* dofs[i].xyz" => "", "rhs * (arrayLength(&auxiliary_z) / params.rhs_count)" => "rhs * params.node_count",
+        "n < first_weight[i + 1u]" => "n + 1u < first_weight[i + 1u]", "w[at] = vec4<f32>(0.0)" => "w[at] = z[at]", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     auxiliary_restriction Nodes true [
-        "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_dofs[i].xyz" => "", "slot * (arrayLength(&r) / params.slot_count)" => "slot * params.node_count",
-        "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[slot * 2u].w != 0.0" => "false"
+        "+ around[n]" => "", "* weight_around[n]" => "", "* auxiliary_dofs[i].xyz" => "", "rhs * (arrayLength(&r) / params.rhs_count)" => "rhs * params.node_count",
+        "n < first_around[i + 1u]" => "n + 1u < first_around[i + 1u]", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     auxiliary_rotations Cells false [
         "node_rotation[in_cell[n]]" => "node_rotation[n]", "select(q, -q," => "select(q, q,", "scale[cell] / sqrt" => "1.0 / sqrt", "if squared > 0.0" => "if squared > 9.0",
@@ -113,11 +113,11 @@ const CASES: &[Case] = cases! {
     ]
     collect Nodes false ["a * 3u;" => "3u;", "|| corner_node(params, at, a) != i" => "", "corner_force[k + 1u]" => "corner_force[k]", "all(c < vec3" => "all(c + 1u < vec3"]
     collect_product Nodes true [
-        "* params.stiffness_factor" => "", "* dofs[i].xyz" => "", "slot * params.cell_count * 24u" => "0u", "w[at].xyz + more" => "more",
-        "scalars[slot * 2u].w == 0.0" => "true", "n = GROUP / 2u" => "n = GROUP / 4u", "corner_force[k + 1u]" => "corner_force[k]"
+        "* params.stiffness_factor" => "", "* dofs[i].xyz" => "", "rhs * params.cell_count * 24u" => "0u", "w[at].xyz + more" => "more",
+        "scalars[rhs * 2u].w == 0.0" => "true", "n = GROUP / 2u" => "n = GROUP / 4u", "corner_force[k + 1u]" => "corner_force[k]"
     ]
     converge One true [
-        "n < groups" => "n < 1u", "residual <=" => "residual >", "scalars[slot * 2u].w == 0.0" => "true"
+        "n < groups" => "n < 1u", "residual <=" => "residual >", "scalars[rhs * 2u].w == 0.0" => "true"
     ]
     cut Segments false [
         "quads[k * 4u + 3u]" => "quads[k * 4u + 1u]", "b0 - p0" => "b0 - p1", "0.5 - 0.5 *" => "0.5 + 0.5 *",
@@ -140,7 +140,7 @@ const CASES: &[Case] = cases! {
     gather Ids false [
         "source[ids[k]]" => "source[k]", "params.first + number_of" => "number_of", "params.first + params.count" => "params.count"
     ]
-    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "x[i] = " => "let total = ", "params.velocity_factor / params.step" => "1.0 / params.step", "- kept" => "", "params.velocity_factor - 1.0" => "params.velocity_factor"]
+    integrate Nodes false ["rhs_count > 1u" => "rhs_count > 99u", "x[i] = " => "let total = ", "params.velocity_factor / params.step" => "1.0 / params.step", "- kept" => "", "params.velocity_factor - 1.0" => "params.velocity_factor"]
     momentum Nodes false [
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "all(c < vec3" => "all(c + 1u < vec3", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"
@@ -168,34 +168,34 @@ const CASES: &[Case] = cases! {
         "crossed * (1.0 + v.i1)" => "crossed", "v.f * (2.0 * along)" => "v.f * along", "- v.f * dc" => "", "q * (-4.0 / 3.0 * t)" => "q * t",
         "8.0 / 3.0" => "4.0 / 3.0", "crossed * (4.0 * (1.0 + v.i2))" => "crossed * 4.0", "transpose(change) * v.f" => "change * v.f",
         "(1.0 - log_volume(g).x)" => "1.0", "(volume * volume)" => "volume", "own.weight * jacobian * relative_change" => "own.weight * relative_change",
-        "scalars[slot * 2u].w != 0.0" => "false", "slot * params.node_count" => "0u", "(slot * params.cell_count + cell)" => "cell",
+        "scalars[rhs * 2u].w != 0.0" => "false", "rhs * params.node_count" => "0u", "(rhs * params.cell_count + cell)" => "cell",
         "inverted || is_inverted(point)" => "false", "+ volume_gradient[a] * pressure_change" => "",
         "if material.w == HOLZAPFEL { return holzapfel_tangent" => "if false { return holzapfel_tangent", "sum += change * own.structure * (2.0 * own.slope) +" => "sum +=", "4.0 * own.curvature *" => "own.curvature *", "contracted(pull, change)" => "contracted(own.structure, change)", "(1.0 + 2.0 * exponent)" => "1.0",
         "out[n] * times" => "out[n]", "min(cell, arrayLength(&scale) - 1u)" => "0u"
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
-        "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, take" => "dot(above, take"
+        "scalars[rhs * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, take" => "dot(above, take"
     ]
     prescribe Ids false ["let i = ids[k]" => "let i = k", "- u[i].xyz" => "+ u[i].xyz", "== vec3<f32>(0.0)" => "== vec3<f32>(1.0)"]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
     product Tiles true [
         "params.inertia * dofs[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",
-        "scalars[slot * 2u].w == 0.0" => "true", "a1 = v[0] - v[1]" => "a1 = v[0] + v[1]",
+        "scalars[rhs * 2u].w == 0.0" => "true", "a1 = v[0] - v[1]" => "a1 = v[0] + v[1]",
         "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * f7" => "transpose(r) * f7",
         "vec3<f32>(l7.x, l4.y, l2.z)" => "vec3<f32>(l7.x, l4.y, l3.z)", "(below + above)" => "(above)",
         "corner_force[129u + lane]" => "corner_force[130u + lane]",
-        "layer_of[k] * 8u" => "0u", "tile / tiles.x % tiles.y" => "tile / tiles.x", "max(first, 1u) - 1u" => "first", "min(last, params.cells_z)" => "params.cells_z - 1u", "params.first_slot + thread.group.y" => "thread.group.y + 1u", "if !is_split(params, cell)" => "if true",
+        "layer_of[k] * 8u" => "0u", "tile / tiles.x % tiles.y" => "tile / tiles.x", "max(first, 1u) - 1u" => "first", "min(last, params.cells_z)" => "params.cells_z - 1u", "params.first_rhs + thread.group.y" => "thread.group.y + 1u", "if !is_split(params, cell)" => "if true",
         "params.corotational >= HYPERELASTIC" => "false", "dot(y2, l2)" => "dot(y2, l4)", "f4 += y4 * change" => "f4 += y2 * change", "let spin = 0.5 *" => "let spin =", "f2 += cross(spin" => "f2 -= cross(spin", "vec3<f32>(k.y, k.x, k.x + k.y) * l3" => "vec3<f32>(k.x, k.y, k.x + k.y) * l3", "vec3<f32>(k.y + k.z, k.z, k.y) * l6" => "vec3<f32>(k.z, k.z, k.y) * l6", "/ 3.0 * l7" => "/ 9.0 * l7"
     ]
     prolongation Nodes true [
-        "0.25 *" => "0.5 *", "dofs[i].xyz" => "dofs[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = grid_coordinates(params, i)" => "let at = node_at(params, i)",
-        "|| scalars[slot * 2u].w != 0.0" => ""
+        "0.25 *" => "0.5 *", "dofs[i].xyz" => "dofs[0].xyz", "rhs * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = grid_coordinates(params, i)" => "let at = node_at(params, i)",
+        "|| scalars[rhs * 2u].w != 0.0" => ""
     ]
     relax Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "* params.keep" => "* params.gain",
         "params.fresh == 1u" => "false", "params.fresh == 0u" => "true",
-        "scalars[slot * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
+        "scalars[rhs * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
     ]
     residual Nodes false [
         "(elastic - before)" => "elastic", "- w[i].xyz - (" => "- (", "* dofs[i].xyz" => "", "* 0.5" => "",
@@ -204,7 +204,7 @@ const CASES: &[Case] = cases! {
     restriction Nodes true [
         "0.5, 1.0, x == at.x + 1u" => "0.5, 1.0, x == at.x", "0.5, 1.0, y == at.y + 1u" => "0.5, 1.0, y == at.y", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
         "coarse_dofs[i].xyz" => "coarse_dofs[0].xyz", "while next != 0u" => "while next != 0u && false", "level * own.y" => "level",
-        "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
+        "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[rhs * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
         "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(reaction, reaction)" => "dot(reaction, sum)", "n > 0u" => "n > 1u"
@@ -213,7 +213,7 @@ const CASES: &[Case] = cases! {
     scatter Ids false ["destination[ids[k]] =" => "destination[k] =", "params.add == 1u" => "params.add == 2u"]
     split_product Touched true [
         "!is_split(params, cell) ||" => "", "|| corner_node(params, at, a) != i" => "", "if !of_grid { out" => "if of_grid { out",
-        "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true",
+        "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[rhs * 2u].w == 0.0" => "true",
         "parent % p.nodes_x" => "0u", "within / own.y" => "0u", "rest - own.x * p.nodes_z" => "rest", "out *= dofs[i].xyz" => "out *= dofs[0].xyz", "- own) * r;" => "- own) * transpose(r);", "{ local += stiffness_between(cell, a, b) * moved; }" => "{ }", "* sign.y" => "* sign.z"
     ]
     springs Nodes false [
@@ -222,15 +222,15 @@ const CASES: &[Case] = cases! {
     ]
     springs_blocks Nodes false ["g -= t" => "g += t", "== above" => "== i"]
     springs_product Nodes true [
-        "(own - z" => "(own + z", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true"
+        "(own - z" => "(own + z", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[rhs * 2u].w == 0.0" => "true"
     ]
     tetrahedra_blocks Nodes false [
         "* transpose(r)" => "* r", "node_rotation[i]" => "node_rotation[0]", "2u * i + 1u" => "2u * i", "params.stiffness_factor, params" => "1.0, params"
     ]
     tetrahedra_centres Tetrahedra false ["sum * 0.25" => "sum * 0.26", "u[c.w].xyz" => "u[c.z].xyz", "corners[e]" => "corners[0]"]
     tetrahedra_changes Tetrahedra true [
-        "corners[e] + slot * params.node_count" => "corners[e]", "cofactor[3u * e + 2u].xyz, change[2]" => "cofactor[3u * e + 2u].xyz, change[1]",
-        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "change[0], grown" => "change[0], 0.0"
+        "corners[e] + rhs * params.node_count" => "corners[e]", "cofactor[3u * e + 2u].xyz, change[2]" => "cofactor[3u * e + 2u].xyz, change[1]",
+        "rhs * params.tetrahedron_count + e" => "e", "scalars[rhs * 2u].w != 0.0" => "false", "change[0], grown" => "change[0], 0.0"
     ]
     tetrahedra_deformations Tetrahedra false [
         "u[c.w].xyz" => "u[c.z].xyz", "point.h[0], point.dilatation" => "point.h[0], 0.0", "point.cofactor[1], 0.0" => "point.cofactor[2], 0.0",
@@ -239,17 +239,17 @@ const CASES: &[Case] = cases! {
     tetrahedra_domains Domains true [
         "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "if total == 1u { a" => "if false { a", "shear[k].y * (1.0 / 3.0)" => "shear[k].y",
         "trace(strain) * (1.0 / 3.0)" => "trace(strain)", "(a + transpose(a)) * 0.5" => "a", "gradients[3u * e].w * per_volume" => "per_volume",
-        "slot * params.domain_count + k" => "k", "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false"
+        "rhs * params.domain_count + k" => "k", "rhs * params.tetrahedron_count + e" => "e", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     tetrahedra_forces Nodes false ["sum -= tet" => "sum += tet", "at + a - 1u" => "at", "of_node[n] % 4u" => "1u", "of_node[n] / 4u" => "of_node[n] / 5u"]
     tetrahedra_frames Domains true [
         "* factors.w" => "", "of_domain[n] / 4u" => "of_domain[n] / 5u", "factors.y * trace(change)" => "factors.y", "(change - transpose(change))" => "(change + transpose(change))",
-        "factors.z * 0.5" => "factors.z", "domain_rotation[k]" => "domain_rotation[0]", "slot * params.domain_count + k" => "k",
-        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "frame[k]" => "frame[0]"
+        "factors.z * 0.5" => "factors.z", "domain_rotation[k]" => "domain_rotation[0]", "rhs * params.domain_count + k" => "k",
+        "rhs * params.tetrahedron_count + e" => "e", "scalars[rhs * 2u].w != 0.0" => "false", "frame[k]" => "frame[0]"
     ]
     tetrahedra_large Tetrahedra true [
         "* 0.25" => "", "EDGES: u32 = 6u" => "EDGES: u32 = 5u", "domains[EDGES * e + n]" => "domains[n]", "* gradients[3u * e].w" => "",
-        "slot * params.domain_count" => "0u", "slot * params.node_count" => "0u", "cofactor[3u * e + 1u]" => "cofactor[3u * e]", "scalars[slot * 2u].w != 0.0" => "false"
+        "rhs * params.domain_count" => "0u", "rhs * params.node_count" => "0u", "cofactor[3u * e + 1u]" => "cofactor[3u * e]", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     tetrahedra_laws Domains false [
         "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "u32(shear[k].y)" => "0u", "found * sixth" => "found", "2.0 * (material.y + material.z)" => "(material.y + material.z)",
@@ -263,8 +263,8 @@ const CASES: &[Case] = cases! {
     ]
     tetrahedra_plain Tetrahedra true [
         "gradients[3u * e + 1u].w *" => "", "2.0 * gradients" => "gradients", "q)), total == 1u" => "q)), false", "if total == 1u { a" => "if false { a",
-        "* gradients[3u * e].w" => "", "corners[e] + slot * params.node_count" => "corners[e]", "slot * params.tetrahedron_count + e" => "e",
-        "scalars[slot * 2u].w != 0.0" => "false", "outer(u3 - u0, g[2])" => "outer(u3 - u0, g[1])"
+        "* gradients[3u * e].w" => "", "corners[e] + rhs * params.node_count" => "corners[e]", "rhs * params.tetrahedron_count + e" => "e",
+        "scalars[rhs * 2u].w != 0.0" => "false", "outer(u3 - u0, g[2])" => "outer(u3 - u0, g[1])"
     ]
     tetrahedra_pressed Tetrahedra false [
         "* 0.25" => "", "nodal_strain[c.w]" => "nodal_strain[c.z]", "gradients[3u * e + 1u].w" => "gradients[3u * e + 2u].w", "log_volume(mean).x * log_volume_slope(mean)" => "log_volume(mean).x",
@@ -272,29 +272,29 @@ const CASES: &[Case] = cases! {
     ]
     tetrahedra_pressures Nodes true [
         "* 0.25" => "", "corners[e] + offset" => "corners[e]", "gradients[3u * e + 1u].w *" => "", "sum * per_volume[i]" => "sum",
-        "pressure[offset + i]" => "pressure[i]", "scalars[slot * 2u].w != 0.0" => "false"
+        "pressure[offset + i]" => "pressure[i]", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     tetrahedra_product Nodes true [
         "params.inertia * dofs[i].w" => "params.inertia", "* params.stiffness_factor" => "", "* dofs[i].xyz" => "", "n = GROUP / 2u" => "n = GROUP / 4u",
-        "3u * slot * params.tetrahedron_count" => "0u", "scalars[slot * 2u].w == 0.0" => "true", "sum -= tet" => "sum += tet"
+        "3u * rhs * params.tetrahedron_count" => "0u", "scalars[rhs * 2u].w == 0.0" => "true", "sum -= tet" => "sum += tet"
     ]
     tetrahedra_rotations Tetrahedra false [
         "u[c.w].xyz" => "u[c.z].xyz", "outer(u1 - u0, g[0])" => "outer(u1, g[0])", "diagonal(vec3<f32>(1.0)) +" => "", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
     ]
     tetrahedra_smoothed Tetrahedra true [
         "* 0.25" => "", "EDGES: u32 = 6u" => "EDGES: u32 = 5u", "domains[EDGES * e + n]" => "domains[n]", "* gradients[3u * e].w" => "",
-        "slot * params.domain_count" => "0u", "slot * params.node_count" => "0u", "element_rotation[e]" => "element_rotation[0]", "scalars[slot * 2u].w != 0.0" => "false"
+        "rhs * params.domain_count" => "0u", "rhs * params.node_count" => "0u", "element_rotation[e]" => "element_rotation[0]", "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     tetrahedra_strains Tetrahedra true [
-        "q)), total == 1u" => "q)), false", "corners[e] + slot * params.node_count" => "corners[e]", "dot(r[2], gradient[2])" => "dot(r[2], gradient[1])",
-        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "gradients[3u * e + 2u]" => "gradients[3u * e + 1u]"
+        "q)), total == 1u" => "q)), false", "corners[e] + rhs * params.node_count" => "corners[e]", "dot(r[2], gradient[2])" => "dot(r[2], gradient[1])",
+        "rhs * params.tetrahedron_count + e" => "e", "scalars[rhs * 2u].w != 0.0" => "false", "gradients[3u * e + 2u]" => "gradients[3u * e + 1u]"
     ]
     tetrahedra_volumes Nodes true [
-        "sum * per_volume[i]" => "sum", "strain[first + at]" => "strain[at]", "gradients[at].w *" => "", "slot * params.node_count + i" => "i",
-        "scalars[slot * 2u].w != 0.0" => "false"
+        "sum * per_volume[i]" => "sum", "strain[first + at]" => "strain[at]", "gradients[at].w *" => "", "rhs * params.node_count + i" => "i",
+        "scalars[rhs * 2u].w != 0.0" => "false"
     ]
     update Nodes true [
-        "head.y * s[i]" => "head.x * s[i]", "&& scalars[slot * 2u].w == 0.0" => "", ".w == 1.0" => ".w == 2.0", "r[i] - head.x" => "r[i] + head.x",
+        "head.y * s[i]" => "head.x * s[i]", "&& scalars[rhs * 2u].w == 0.0" => "", ".w == 1.0" => ".w == 2.0", "r[i] - head.x" => "r[i] + head.x",
         "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
 };
@@ -323,9 +323,9 @@ const UNCERTAIN: f64 = 0.01;
 const SEEDS: u64 = 50;
 
 impl Expected {
-    fn new(case: &Case, cells: [usize; 3], slots: usize, first_slot: usize) -> Result<Self, Failure> {
+    fn new(case: &Case, cells: [usize; 3], rhs_count: usize, first_rhs: usize) -> Result<Self, Failure> {
         for seed in 0..SEEDS {
-            let mut body = Body::new(case.source.name, cells, slots, first_slot, seed);
+            let mut body = Body::new(case.source.name, cells, rhs_count, first_rhs, seed);
             if case.source.name == "cut" {
                 body.no_segments = twins::uncertain_segments(&body);
                 if body.no_segments.len() as f64 > UNCERTAIN * body.springs.ends.len() as f64 + 1.0 {
@@ -350,7 +350,7 @@ impl Expected {
         Err(format!("{cells:?} cells: rounding decides a branch with each of {SEEDS} seeds").into())
     }
 
-    /// One cell and one slot; a few, without the first slot; and enough for several workgroups, with every state of a slot.
+    /// One cell and one right-hand side; a few, without the first; and enough for several workgroups, with every state of one.
     fn all(case: &Case) -> Result<Vec<Self>, Failure> {
         let mut all = vec![
             Self::new(case, [1, 1, 1], 1, 0)?,
@@ -403,7 +403,7 @@ fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<B
         Threads::Ids => body.ids().len(),
         Threads::One => 1,
     };
-    let rows = if case.by_slot { body.slots - body.first_slot } else { 1 };
+    let rows = if case.by_rhs { body.rhs_count - body.first_rhs } else { 1 };
     let mut batch = gpu.batch();
     batch.run(&bound, threads, rows as u32);
     let written: Vec<_> = buffers.iter().filter(|b| b.1 == Access::ReadWrite).collect();
@@ -419,14 +419,14 @@ fn numbers(body: &Body, name: &str, bytes: &[u8]) -> Vec<f64> {
     let real = || cast::<f32>(bytes).into_iter().map(f64::from).collect::<Vec<_>>();
     match (name, body.array(name)) {
         // not the padding to 16 bytes
-        ("partial_gamma", Array::Real(all)) => slot_sums(&real()[..all.len()], body.column_groups()),
-        ("partial_product", Array::Real(all)) => slot_sums(&real()[..all.len()], body.product_groups()),
+        ("partial_gamma", Array::Real(all)) => rhs_sums(&real()[..all.len()], body.column_groups()),
+        ("partial_product", Array::Real(all)) => rhs_sums(&real()[..all.len()], body.product_groups()),
         ("potential_and_residual", Array::Real(all)) => {
             let sum = |part: usize| real()[..all.len()].iter().skip(part).step_by(4).sum();
             vec![sum(0), sum(1), sum(2)]
         }
         ("partial_load" | "partial_residual" | "predicted_decrease", Array::Real(all)) => {
-            slot_sums(&real()[..all.len()], body.node_groups())
+            rhs_sums(&real()[..all.len()], body.node_groups())
         }
         (_, Array::Real(all)) => real()[..all.len()].to_vec(),
         (_, Array::Count(all)) => {

@@ -46,7 +46,7 @@ struct Run {
 /// Motion of a step that is solved to the tolerance, `[node]` m.
 fn step(backend: &mut dyn Backend) -> Result<Vec<[f64; 4]>, Failure> {
     backend.begin()?;
-    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
+    let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) }];
     let outcome = backend.solve(&wanted, &[])?.0[0];
     if !outcome.converged {
         return Err(format!("{outcome:?}").into());

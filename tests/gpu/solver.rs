@@ -160,7 +160,7 @@ impl Case {
 
     fn free_motion(self, gpu: &Gpu) -> Result<(), Failure> {
         let mut three = self.three(gpu)?;
-        let free = |tolerance| SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) };
+        let free = |tolerance| SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) };
         let counted = three.each(|b| Ok(b.solve(&[free(COUNTED)], &[])?.0[0]))?;
         same_iterations(&counted, self.preconditioner == Column)?;
         // on from there: the start is the last solution
@@ -181,7 +181,7 @@ impl Case {
         let mut three = self.three(gpu)?;
         let load = self.model()?.1.iter().map(|f| f.map(|c| 1.001 * c)).collect::<Vec<_>>();
         three.gpu.set_load(&load);
-        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let free = SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) };
         let x = three.each(|b| {
             b.begin()?;
             b.solve(&[free], &[])?;
@@ -202,13 +202,13 @@ impl Case {
             (FIRST_COLUMN + k, top[3 + 11 * k], forces[k])
         };
         let rows: Vec<_> = (0..COLUMNS).map(row).collect();
-        let slots: Vec<usize> = rows.iter().map(|r| r.0).collect();
-        let wanted = |slot| SolveRequest { slot, target: Target::Absolute(TOLERANCE) };
-        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let rhs_ids: Vec<usize> = rows.iter().map(|r| r.0).collect();
+        let wanted = |rhs| SolveRequest { rhs, target: Target::Absolute(TOLERANCE) };
+        let free = SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) };
         let mut together = vec![free];
-        together.extend(slots.iter().map(|s| wanted(*s)));
+        together.extend(rhs_ids.iter().map(|s| wanted(*s)));
         let solved = three.each(|b| {
-            b.set_rows(&slots, &rows)?;
+            b.set_rows(&rhs_ids, &rows)?;
             Ok(b.solve(&together, &[])?.0)
         })?;
         let [on_gpu, single, double] = &solved;
@@ -218,10 +218,10 @@ impl Case {
         let all =
             |b: &mut dyn Backend| (0..FIRST_COLUMN + COLUMNS).map(|s| b.solution(s)).collect::<Result<Vec<_>, _>>();
         let before = three.each(all)?;
-        for slot in [FREE].iter().chain(&slots) {
-            let x = [0, 1, 2].map(|n| triples(&before[n][*slot]));
-            let used = same(&format!("slot {slot}"), &x, SOLUTION)?;
-            self.report(gpu, &format!("slot {slot}: {used:.1} % of the bound"));
+        for rhs in [FREE].iter().chain(&rhs_ids) {
+            let x = [0, 1, 2].map(|n| triples(&before[n][*rhs]));
+            let used = same(&format!("rhs {rhs}"), &x, SOLUTION)?;
+            self.report(gpu, &format!("rhs {rhs}: {used:.1} % of the bound"));
         }
         three.each(|b| b.reset_initial_guess(&(0..FIRST_COLUMN + COLUMNS).collect::<Vec<_>>()))?;
         let load = self.model()?.1;
@@ -241,14 +241,14 @@ impl Case {
         }
         let after = all(&mut three.gpu)?;
         match (0..after.len()).find(|s| after[*s] != before[0][*s]) {
-            Some(slot) => Err(format!("slot {slot} has other bits when it is solved alone").into()),
+            Some(rhs) => Err(format!("rhs {rhs} has other bits when it is solved alone").into()),
             None => Ok(()),
         }
     }
 
     fn cut(self, gpu: &Gpu) -> Result<(), Failure> {
         let mut three = self.three(gpu)?;
-        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let free = SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) };
         // down through epidermis and dermis, in two pieces of the edge; and one that stays above the skin
         let quad = |x: [f64; 2], z: [f64; 2]| {
             let at = |x: f64, z: f64| [1e-3 * x, 1e-3 * (0.13 + 0.05 * x), 1e-3 * z];
@@ -314,8 +314,8 @@ fn swept(quads: &[[f64; 3]]) -> Query {
 fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Result<Seen> {
     let mut seen: Seen = vec![];
     let (pressed, bottom) = (top[24], 8u32);
-    let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
-    let absolute = |slot| SolveRequest { slot, target: Target::Absolute(TOLERANCE) };
+    let free = SolveRequest { rhs: FREE, target: Target::OfLoad(TOLERANCE) };
+    let absolute = |rhs| SolveRequest { rhs, target: Target::Absolute(TOLERANCE) };
     // a force on a held node is lost, whoever gives it
     let rows = [(FIRST_COLUMN, pressed, [0.0, 0.0, -1.0]), (FIRST_COLUMN, bottom, [1.0, 2.0, 3.0])];
     b.set_rows(&[FIRST_COLUMN], &rows)?;

@@ -1,6 +1,6 @@
 //! The twin of each kernel on a [`Body`]: what the kernel's read-write arrays must hold afterwards, by name.
 //!
-//! Partial sums appear as their sum over the groups of a slot.
+//! Partial sums appear as their sum over the groups of a right-hand side.
 
 use super::body::{BESIDE, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
@@ -19,23 +19,23 @@ fn flat<R: Real>(vectors: &[V4<R>]) -> Vec<R> {
     vectors.concat()
 }
 
-/// Slots that a dispatch works on, with their range in `[slot][node]` arrays.
+/// Right-hand sides that a dispatch works on, with their range in `[rhs][node]` arrays.
 fn running(b: &Body) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
     let (n, scalars) = (b.nodes(), b.v4::<f32>("scalars"));
-    (b.first_slot..b.slots)
-        .filter(move |slot| scalars[slot * 2][3] == 0.0)
-        .map(move |slot| (slot, slot * n..(slot + 1) * n))
+    (b.first_rhs..b.rhs_count)
+        .filter(move |rhs| scalars[rhs * 2][3] == 0.0)
+        .map(move |rhs| (rhs, rhs * n..(rhs + 1) * n))
 }
 
-/// Sums of a `[slot][group]` array over its groups.
-pub fn slot_sums<R: Real>(parts: &[R], groups: usize) -> Vec<R> {
-    parts.chunks_exact(groups).map(|slot| slot.iter().copied().sum()).collect()
+/// Sums of a `[rhs][group]` array over its groups.
+pub fn rhs_sums<R: Real>(parts: &[R], groups: usize) -> Vec<R> {
+    parts.chunks_exact(groups).map(|rhs| rhs.iter().copied().sum()).collect()
 }
 
-/// Before the kernel: noise in slots that it leaves alone, zero where it writes.
+/// Before the kernel: noise in right-hand sides that it leaves alone, zero where it writes.
 fn start_sums<R: Real>(b: &Body, name: &str, groups: usize) -> Vec<R> {
-    let mut sums = slot_sums(&b.scalars::<R>(name), groups);
-    sums[b.first_slot..].fill(R::zero());
+    let mut sums = rhs_sums(&b.scalars::<R>(name), groups);
+    sums[b.first_rhs..].fill(R::zero());
     sums
 }
 
@@ -52,18 +52,18 @@ pub fn ahead<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn advance<R: Real>(b: &Body) -> Outputs<R> {
-    let product = slot_sums(&b.scalars::<R>("partial_product"), b.product_groups());
-    let gamma = slot_sums(&b.scalars::<R>("partial_gamma"), b.column_groups());
-    let residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
+    let product = rhs_sums(&b.scalars::<R>("partial_product"), b.product_groups());
+    let gamma = rhs_sums(&b.scalars::<R>("partial_gamma"), b.column_groups());
+    let residual = rhs_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
     let load = b.scalars::<R>("partial_load").into_iter().sum();
     let mut scalars = b.scalars::<R>("scalars");
     let requests = b.v4::<R>("requests");
-    for (slot, _) in running(b) {
-        let at = &mut scalars[slot * 8..slot * 8 + 8];
-        let [tolerance_squared, reference_squared, floor_squared, use_load] = requests[slot];
+    for (rhs, _) in running(b) {
+        let at = &mut scalars[rhs * 8..rhs * 8 + 8];
+        let [tolerance_squared, reference_squared, floor_squared, use_load] = requests[rhs];
         let request = Request { tolerance_squared, reference_squared, floor_squared, use_load };
         let mut k = read_scalars(at);
-        kernels::advance::advance(&request, load, product[slot], gamma[slot], residual[slot], &mut k);
+        kernels::advance::advance(&request, load, product[rhs], gamma[rhs], residual[rhs], &mut k);
         at.copy_from_slice(&write_scalars(&k));
     }
     vec![("scalars", scalars)]
@@ -153,10 +153,10 @@ pub fn collect_product<R: Real>(b: &Body) -> Outputs<R> {
     let (mut w, mut sums) = (b.v4::<R>("w"), start_sums(b, "partial_product", b.product_groups()));
     let (force, z, dofs) = (b.scalars::<R>("corner_force"), b.v4::<R>("z"), b.v4("dofs"));
     let cells = b.grid.cell_count() * 24;
-    for (slot, nodes) in running(b) {
-        let own = &force[slot * cells..(slot + 1) * cells];
+    for (rhs, nodes) in running(b) {
+        let own = &force[rhs * cells..(rhs + 1) * cells];
         let dot = kernels::collect_product::collect_product(&b.params(), own, &dofs, &z[nodes.clone()], &mut w[nodes]);
-        sums[slot] += dot;
+        sums[rhs] += dot;
     }
     vec![("w", flat(&w)), ("partial_product", sums)]
 }
@@ -187,8 +187,8 @@ pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
     let (shape, material, layer_of, displacement) =
         (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of, b.v4("displacement"));
     let cells = b.grid.cell_count() * 24;
-    for (slot, nodes) in running(b) {
-        let own = &mut force[slot * cells..(slot + 1) * cells];
+    for (rhs, nodes) in running(b) {
+        let own = &mut force[rhs * cells..(rhs + 1) * cells];
         kernels::hyperelastic_tangent::hyperelastic_tangent(
             &b.params(),
             &shape,
@@ -222,12 +222,12 @@ pub fn probe<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn converge<R: Real>(b: &Body) -> Outputs<R> {
-    let residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
+    let residual = rhs_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
     let mut scalars = b.scalars::<R>("scalars");
-    for (slot, _) in running(b) {
-        let at = &mut scalars[slot * 8..slot * 8 + 8];
+    for (rhs, _) in running(b) {
+        let at = &mut scalars[rhs * 8..rhs * 8 + 8];
         let mut k = read_scalars(at);
-        kernels::converge::converge(residual[slot], &mut k);
+        kernels::converge::converge(residual[rhs], &mut k);
         at.copy_from_slice(&write_scalars(&k));
     }
     vec![("scalars", scalars)]
@@ -324,8 +324,8 @@ fn factors<R: Real>(b: &Body) -> Vec<V4<R>> {
 pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
     let (block, r, mut z) = (factors::<R>(b), b.v4("r"), b.v4("z"));
     let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
-    for (slot, at) in running(b) {
-        gamma[slot] = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at]);
+    for (rhs, at) in running(b) {
+        gamma[rhs] = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at]);
     }
     vec![("z", flat(&z)), ("partial_gamma", gamma)]
 }
@@ -337,17 +337,17 @@ pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let frames = Frames::new(&p, &rotation, &split);
     let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
     let mut dots = start_sums(b, "partial_product", b.product_groups());
-    for (slot, at) in running(b) {
+    for (rhs, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
-        dots[slot] = kernels::product::product(&p, &modes, layer_of, &frames, &dofs, z, w, &mut scratch);
+        dots[rhs] = kernels::product::product(&p, &modes, layer_of, &frames, &dofs, z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
 
 pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
     let (coarse, mut z, count) = (b.v4::<R>("coarse_z"), b.v4("z"), b.coarse_nodes());
-    for (slot, at) in running(b) {
-        let coarse = &coarse[slot * count..(slot + 1) * count];
+    for (rhs, at) in running(b) {
+        let coarse = &coarse[rhs * count..(rhs + 1) * count];
         kernels::prolongation::prolongation(&b.params(), &b.v4("dofs"), &b.split(), coarse, &mut z[at]);
     }
     vec![("z", flat(&z))]
@@ -357,9 +357,9 @@ pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
     let (block, r) = (factors::<R>(b), b.v4("r"));
     let [mut w, mut d, mut z] = ["w", "d", "z"].map(|name| b.v4(name));
     let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
-    for (slot, at) in running(b) {
+    for (rhs, at) in running(b) {
         let at = || at.clone();
-        gamma[slot] = kernels::relax::relax(&b.params(), &block, &r[at()], &mut w[at()], &mut d[at()], &mut z[at()]);
+        gamma[rhs] = kernels::relax::relax(&b.params(), &block, &r[at()], &mut w[at()], &mut d[at()], &mut z[at()]);
         each_part(&b.params(), &mut w[at()], |part| {
             by_node::<R, 4>(part.as_flattened_mut());
             part.iter_mut().for_each(|node| node[3] = R::zero());
@@ -371,8 +371,8 @@ pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
 pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
     let (dofs, r, w, mut coarse) = (b.v4::<R>("coarse_dofs"), b.v4("r"), b.v4("w"), b.v4("coarse_r"));
     let count = b.coarse_nodes();
-    for (slot, at) in running(b) {
-        let coarse = &mut coarse[slot * count..(slot + 1) * count];
+    for (rhs, at) in running(b) {
+        let coarse = &mut coarse[rhs * count..(rhs + 1) * count];
         kernels::restriction::restriction(&b.params(), &dofs, &b.split(), &r[at.clone()], &w[at], coarse);
     }
     vec![("coarse_r", flat(&coarse))]
@@ -380,8 +380,8 @@ pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn duplicate<R: Real>(b: &Body) -> Outputs<R> {
     let mut values = b.v4::<R>("values");
-    let slots = (b.slots - b.first_slot) * b.nodes();
-    kernels::duplicate::duplicate(b.nodes(), &b.copies(), &mut values[..slots]);
+    let rhs_count = (b.rhs_count - b.first_rhs) * b.nodes();
+    kernels::duplicate::duplicate(b.nodes(), &b.copies(), &mut values[..rhs_count]);
     vec![("values", flat(&values))]
 }
 
@@ -392,7 +392,7 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
     let (stiffness, rotation, dofs) = (b.stiffness::<R>(), b.v4::<R>("rotation"), b.v4::<R>("dofs"));
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
-    for (slot, at) in running(b) {
+    for (rhs, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
         for i in p.touched(&split).iter().map(|n| *n as usize) {
             let own = V3::from4(z[i]);
@@ -419,7 +419,7 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
                 out += own * (p.inertia * dofs[i][3]);
             }
             out = out.times(V3::from4(dofs[i]));
-            dots[slot] += own.dot(out);
+            dots[rhs] += own.dot(out);
             w[i] = if of_grid { (out + V3::from4(w[i])).pad(R::zero()) } else { out.pad(R::zero()) };
         }
     }
@@ -471,8 +471,8 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
     let (tangent, dofs, s) = (b.v4("tangent"), b.v4("dofs"), &b.springs);
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
-    for (slot, at) in running(b) {
-        dots[slot] = kernels::springs_product::springs_product(
+    for (rhs, at) in running(b) {
+        dots[rhs] = kernels::springs_product::springs_product(
             &b.params(),
             &s.first,
             &s.half,
@@ -485,9 +485,9 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
 
-/// Slots that a dispatch works on, with their numbers in `[slot][count]` arrays.
+/// Right-hand sides that a dispatch works on, with their numbers in `[rhs][count]` arrays.
 fn running_of(b: &Body, count: usize) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
-    running(b).map(move |(slot, _)| (slot, slot * count..(slot + 1) * count))
+    running(b).map(move |(rhs, _)| (rhs, rhs * count..(rhs + 1) * count))
 }
 
 pub fn auxiliary_rotations<R: Real>(b: &Body) -> Outputs<R> {
@@ -643,13 +643,13 @@ pub fn tetrahedra_large<R: Real>(b: &Body) -> Outputs<R> {
     let (gradients, cofactor, of) = (b.v4::<R>("gradients"), b.v4("cofactor"), &b.tetrahedra);
     let (stress, pressure, mut force) = (b.v4("domain_stress"), b.scalars("pressure"), b.v4("tetrahedron_force"));
     let domains = 3 * of.shear.len();
-    for ((slot, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+    for ((rhs, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
         kernels::tetrahedra_large::tetrahedra_large(
             &of.corners,
             &gradients,
             &cofactor,
             &of.domains,
-            &stress[slot * domains..(slot + 1) * domains],
+            &stress[rhs * domains..(rhs + 1) * domains],
             &pressure[nodes],
             &mut force[at],
         );
@@ -694,13 +694,13 @@ pub fn tetrahedra_smoothed<R: Real>(b: &Body) -> Outputs<R> {
     let (gradients, rotation, of) = (b.v4::<R>("gradients"), b.v4("element_rotation"), &b.tetrahedra);
     let (stress, pressure, mut force) = (b.v4("domain_stress"), b.scalars("pressure"), b.v4("tetrahedron_force"));
     let domains = 3 * of.shear.len();
-    for ((slot, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+    for ((rhs, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
         kernels::tetrahedra_smoothed::tetrahedra_smoothed(
             &of.corners,
             &gradients,
             &rotation,
             &of.domains,
-            &stress[slot * domains..(slot + 1) * domains],
+            &stress[rhs * domains..(rhs + 1) * domains],
             &pressure[nodes],
             &mut force[at],
         );
@@ -718,8 +718,8 @@ pub fn tetrahedra_product<R: Real>(b: &Body) -> Outputs<R> {
     let (force, dofs, of) = (b.v4::<R>("tetrahedron_force"), b.v4("dofs"), &b.tetrahedra);
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
     let mut dots = start_sums(b, "partial_product", b.product_groups());
-    for ((slot, at), (_, nodes)) in running_of(b, 3 * of.corners.len()).zip(running(b)) {
-        dots[slot] = kernels::tetrahedra_product::tetrahedra_product(
+    for ((rhs, at), (_, nodes)) in running_of(b, 3 * of.corners.len()).zip(running(b)) {
+        dots[rhs] = kernels::tetrahedra_product::tetrahedra_product(
             &b.params(),
             &of.first_of_node,
             &of.of_node,
@@ -742,12 +742,12 @@ pub fn tetrahedra_blocks<R: Real>(b: &Body) -> Outputs<R> {
 pub fn update<R: Real>(b: &Body) -> Outputs<R> {
     let (z, w, scalars) = (b.v4::<R>("z"), b.v4("w"), b.scalars("scalars"));
     let [mut x, mut p, mut s, mut r] = ["x", "p", "s", "r"].map(|name| b.v4(name));
-    // a done slot keeps its sums
-    let mut residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
-    for (slot, at) in running(b) {
-        let k = read_scalars(&scalars[slot * 8..slot * 8 + 8]);
+    // a done right-hand side keeps its sums
+    let mut residual = rhs_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
+    for (rhs, at) in running(b) {
+        let k = read_scalars(&scalars[rhs * 8..rhs * 8 + 8]);
         let at = || at.clone();
-        residual[slot] =
+        residual[rhs] =
             kernels::update::update(&k, &z[at()], &w[at()], &mut x[at()], &mut p[at()], &mut s[at()], &mut r[at()]);
     }
     vec![("x", flat(&x)), ("p", flat(&p)), ("s", flat(&s)), ("r", flat(&r)), ("partial_residual", residual)]

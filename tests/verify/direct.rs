@@ -9,7 +9,7 @@ use cutis::bodies::{Model, Refused, Removal};
 use cutis::error::Error;
 use cutis::kernels::Params;
 use cutis::kernels::advance::Request;
-use cutis::linear::{Outcome, Slot, solve};
+use cutis::linear::{Outcome, SolverVectors, solve};
 use cutis::math::{Real, V4, norm, widen};
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{Consistent, Lumped, Uniform};
@@ -133,7 +133,7 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
     let removal = Removal { cells: gone.map(|c| c as u32).to_vec(), dofs, ..Removal::default() };
     backend.remove(&removal).expect("the CPU works");
     backend.begin().expect("the CPU works");
-    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
+    let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) }];
     let outcome = backend.solve(&wanted, &[]).expect("the matrix is regular").0[0];
     (backend.solution(FREE).expect("the CPU works"), outcome)
 }
@@ -171,7 +171,7 @@ fn residual_after(cap: u32, model: &Model, rotation: &[V4<f64>], factored: &Dire
     let (mut x, mut r, mut p, mut s, mut z, mut w) = (zeros(), b.clone(), zeros(), zeros(), zeros(), zeros());
     let request = Request { reference_squared: norm(&b).powi(2), ..Request::default() };
     solve(
-        Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
+        SolverVectors { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
         &request,
         0.0,
         cap,

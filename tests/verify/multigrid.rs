@@ -12,7 +12,7 @@ use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
 use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
-use cutis::linear::{Outcome, Slot, solve};
+use cutis::linear::{Outcome, SolverVectors, solve};
 use cutis::math::V4;
 use cutis::scene::{Load, Preconditioner, Scene};
 use cutis::step::Platform;
@@ -131,8 +131,8 @@ fn by_multigrid(
         whole + split_product(params, &modes, layer_of, rotation, dofs, split.0, split.1, z, w)
     };
     let precondition = |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z);
-    let slot = Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
-    let outcome = solve(slot, &request, 0.0, 200, &AtomicBool::new(false), times, precondition);
+    let vectors = SolverVectors { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
+    let outcome = solve(vectors, &request, 0.0, 200, &AtomicBool::new(false), times, precondition);
     (x, outcome)
 }
 

@@ -176,7 +176,7 @@ impl Body {
 
     /// One implicit step that may be refused; what its solve reports.
     pub fn fallible_step(&mut self) -> cutis::error::Result<Outcome> {
-        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(self.tolerance) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
         self.taken = self.backend.nonlinear();

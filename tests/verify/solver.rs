@@ -8,7 +8,7 @@ use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
 use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
-use cutis::linear::{Outcome, Slot, solve};
+use cutis::linear::{Outcome, SolverVectors, solve};
 use cutis::math::V4;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped};
@@ -44,7 +44,7 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
         ..Request::default()
     };
     let outcome = solve(
-        Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
+        SolverVectors { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
         &request,
         0.0,
         cap,

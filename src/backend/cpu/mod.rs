@@ -1,7 +1,7 @@
 //! CPU path: the kernels' twins in f32 or f64 on all cores; the reference for the GPU.
 
 mod reserve;
-mod slots;
+mod solver;
 
 use super::conserve::Conserved;
 use super::{
@@ -50,7 +50,7 @@ pub struct CpuBackend<R> {
     mass_per_stiffness: f64,
     load: Vec<V4<R>>,
     load_squared: R,
-    // [slot][node]
+    // [rhs][node]
     x: Vec<V4<R>>,
     r: Vec<V4<R>>,
     p: Vec<V4<R>>,
@@ -58,7 +58,7 @@ pub struct CpuBackend<R> {
     z: Vec<V4<R>>,
     w: Vec<V4<R>>,
     cutting: Option<Cutting<R>>,
-    space: Vec<Workspace<R>>, // [slot]
+    space: Vec<Workspace<R>>, // [rhs]
 }
 
 /// Segments that a blade can cut, and the positions of their ends.
@@ -85,7 +85,7 @@ impl<R: Real> CpuBackend<R> {
         // sizes, and constructors of nodal arrays with room for the reserve
         let params: Params<R> = model.params();
         let (all_nodes, node_count) = (model.node_count(), params.nodes_in_use(&start.split));
-        let slots = needs.slots();
+        let rhs_count = needs.right_hand_sides();
         let solved = usize::from(!model.step.explicit()); // work vectors only if the step needs a solve
         let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
         let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
@@ -119,14 +119,14 @@ impl<R: Real> CpuBackend<R> {
             rest_springs,
             load: zeros(1),
             load_squared: R::zero(),
-            x: zeros(slots),
-            r: zeros(slots),
-            p: zeros(solved * slots),
-            s: zeros(solved * slots),
-            z: zeros(solved * slots),
-            w: zeros(solved * slots),
+            x: zeros(rhs_count),
+            r: zeros(rhs_count),
+            p: zeros(solved * rhs_count),
+            s: zeros(solved * rhs_count),
+            z: zeros(solved * rhs_count),
+            w: zeros(solved * rhs_count),
             cutting,
-            space: vec![system.workspace(&params); slots],
+            space: vec![system.workspace(&params); rhs_count],
             system,
         }
     }
@@ -163,8 +163,8 @@ impl<R: Real> CpuBackend<R> {
         all
     }
 
-    fn slot_mut<'a>(&self, array: &'a mut [V4<R>], slot: usize) -> &'a mut [V4<R>] {
-        &mut array[slot * self.node_count..(slot + 1) * self.node_count]
+    fn rhs_mut<'a>(&self, array: &'a mut [V4<R>], rhs: usize) -> &'a mut [V4<R>] {
+        &mut array[rhs * self.node_count..(rhs + 1) * self.node_count]
     }
 }
 
@@ -234,14 +234,14 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
+    fn set_rows(&mut self, rhs_ids: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
         let mut r = std::mem::take(&mut self.r);
-        for slot in slots {
-            self.slot_mut(&mut r, *slot).fill([R::zero(); 4]);
+        for rhs in rhs_ids {
+            self.rhs_mut(&mut r, *rhs).fill([R::zero(); 4]);
         }
-        for (slot, node, value) in entries {
+        for (rhs, node, value) in entries {
             let axes = V3::from4(self.dofs[*node as usize]);
-            r[slot * self.node_count + *node as usize] = V3::of(*value).times(axes).pad(R::zero());
+            r[rhs * self.node_count + *node as usize] = V3::of(*value).times(axes).pad(R::zero());
         }
         self.r = r;
         Ok(())
@@ -256,26 +256,26 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
+    fn set_vector(&mut self, which: Vector, rhs: usize, values: &[V4<f64>]) -> Result<()> {
         let array = if which == Vector::Solution { &mut self.x } else { &mut self.r };
-        let nodes = slot * self.node_count..(slot + 1) * self.node_count;
+        let nodes = rhs * self.node_count..(rhs + 1) * self.node_count;
         array[nodes].iter_mut().zip(values).for_each(|(to, v)| *to = round(v));
         Ok(())
     }
 
-    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
-        for slot in slots {
-            self.x[slot * self.node_count..(slot + 1) * self.node_count].fill([R::zero(); 4]);
+    fn reset_initial_guess(&mut self, rhs_ids: &[usize]) -> Result<()> {
+        for rhs in rhs_ids {
+            self.x[rhs * self.node_count..(rhs + 1) * self.node_count].fill([R::zero(); 4]);
         }
         Ok(())
     }
 
-    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+    fn advance_guess(&mut self, rhs: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
         for (node, by) in entries {
-            let at = slot * self.node_count + *node as usize;
+            let at = rhs * self.node_count + *node as usize;
             self.x[at] = (V3::from4(self.x[at]) + V3::of(*by)).pad(R::zero());
         }
-        if slot == FREE {
+        if rhs == FREE {
             self.advanced = entries.iter().map(|(node, _)| *node).collect();
         }
         Ok(())
@@ -286,11 +286,11 @@ impl<R: Real> Backend for CpuBackend<R> {
             return Ok(self.accelerate(requests, pick));
         }
         match requests {
-            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
+            [SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
                 let outcome = self.newton(*tolerance)?;
                 Ok((vec![outcome], self.picked(pick)))
             }
-            _ => self.solve_slots(requests, pick),
+            _ => self.solve_linear(requests, pick),
         }
     }
 
@@ -325,7 +325,7 @@ impl<R: Real> Backend for CpuBackend<R> {
                 self.system.points(&self.params, &self.u, &mut c.point_before);
             }
         }
-        let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
+        let params = Params { rhs_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &mut self.x, &mut self.u, &mut self.v);
         self.v.iter_mut().zip(std::mem::take(&mut self.ended)).for_each(|(to, v)| *to = round(&v));
         Ok(())
@@ -360,8 +360,8 @@ impl<R: Real> Backend for CpuBackend<R> {
             if value[3] == 0.0 {
                 // a node without cells leaves the system where it is
                 self.v[node] = [R::zero(); 4];
-                for slot in self.x.chunks_mut(self.node_count) {
-                    slot[node] = [R::zero(); 4];
+                for rhs in self.x.chunks_mut(self.node_count) {
+                    rhs[node] = [R::zero(); 4];
                 }
             }
         }
@@ -386,8 +386,8 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(self.of_all(&self.u))
     }
 
-    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
-        Ok(self.of_all(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
+    fn solution(&mut self, rhs: usize) -> Result<Vec<V4<f64>>> {
+        Ok(self.of_all(&self.x[rhs * self.node_count..(rhs + 1) * self.node_count]))
     }
 }
 

@@ -20,13 +20,13 @@ pub(super) fn rounded<R: Real>(all: &[V4<f64>], in_use: usize) -> Vec<V4<R>> {
     values
 }
 
-/// Re-strides `[slot][node]` for more nodes; the new ones are zero.
+/// Re-strides `[rhs][node]` for more nodes; the new ones are zero.
 pub(super) fn spread<R: Real>(values: &mut Vec<V4<R>>, from: usize, to: usize) {
-    let slots = values.len() / from;
-    values.resize(slots * to, [R::zero(); 4]);
-    for slot in (0..slots).rev() {
-        values.copy_within(slot * from..(slot + 1) * from, slot * to);
-        values[slot * to + from..(slot + 1) * to].fill([R::zero(); 4]);
+    let rhs_count = values.len() / from;
+    values.resize(rhs_count * to, [R::zero(); 4]);
+    for rhs in (0..rhs_count).rev() {
+        values.copy_within(rhs * from..(rhs + 1) * from, rhs * to);
+        values[rhs * to + from..(rhs + 1) * to].fill([R::zero(); 4]);
     }
 }
 
@@ -37,10 +37,10 @@ impl<R: Real> CpuBackend<R> {
         if to <= from {
             return;
         }
-        let of_slots = [&mut self.x, &mut self.r, &mut self.p, &mut self.s, &mut self.z, &mut self.w];
+        let of_solver = [&mut self.x, &mut self.r, &mut self.p, &mut self.s, &mut self.z, &mut self.w];
         let of_state = [&mut self.u, &mut self.v, &mut self.ahead, &mut self.mean_v, &mut self.f];
         let of_body = [&mut self.dofs, &mut self.masses, &mut self.load];
-        for values in of_slots.into_iter().chain(of_state).chain(of_body) {
+        for values in of_solver.into_iter().chain(of_state).chain(of_body) {
             spread(values, from, to);
         }
         for finest in self.space.iter_mut().filter_map(|space| space.levels.first_mut()) {
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slots_move_apart_and_what_is_new_is_zero() {
+    fn right_hand_sides_move_apart_and_what_is_new_is_zero() {
         let node = |n: usize| [n as f64, 0.0, 0.0, 1.0];
         let mut values: Vec<V4<f64>> = (0..6).map(node).collect();
         values.reserve(9);
@@ -66,7 +66,7 @@ mod tests {
         spread(&mut values, 2, 5);
         let zero = [0.0; 4];
         let wanted: Vec<V4<f64>> =
-            (0..3).flat_map(|slot| [node(2 * slot), node(2 * slot + 1), zero, zero, zero]).collect();
+            (0..3).flat_map(|rhs| [node(2 * rhs), node(2 * rhs + 1), zero, zero, zero]).collect();
         assert_eq!(values, wanted);
         assert_eq!(values.as_ptr(), room, "what was reserved is taken, nothing allocated");
     }

@@ -29,7 +29,7 @@ impl Defect {
     ) -> Result<Self> {
         made.gpu.making("defect of the linearisation");
         let n = model.node_count();
-        let params: Params<f32> = Params { slot_count: 1, ..model.params() };
+        let params: Params<f32> = Params { rhs_count: 1, ..model.params() };
         // integration of copies, whose velocities nothing reads
         let (end, unread) = (made.vec4("end", n)?, made.vec4("v", n)?);
         let gpu = made.gpu;

@@ -156,12 +156,12 @@ impl GpuBackend {
 
 impl GpuBackend {
     /// See [`crate::backend::Backend::advance_guess`].
-    pub(super) fn advance(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
-        let ids: Vec<u32> = entries.iter().map(|(node, _)| (slot * self.node_count) as u32 + node).collect();
+    pub(super) fn advance(&mut self, rhs: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        let ids: Vec<u32> = entries.iter().map(|(node, _)| (rhs * self.node_count) as u32 + node).collect();
         let values: Vec<V4<f32>> = entries.iter().map(|(_, by)| V3::of(*by).pad(0.0)).collect();
         let x = self.solver.x.clone();
         self.scatter(&x, &ids, &values, true)?;
-        if slot == FREE && self.newton.is_some() {
+        if rhs == FREE && self.newton.is_some() {
             let most = (self.pick.picked.bytes / 16) as usize;
             let mut from = vec![];
             for ids in ids.chunks(most) {

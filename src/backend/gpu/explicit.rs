@@ -38,7 +38,7 @@ impl Solver {
     /// right-hand side.
     pub(super) fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
         let n = params.node_count as usize;
-        let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
+        let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.rhs_count as usize));
         let (x, r) = (x?, r?);
         let kernel = arrays.bind(made.gpu, &accelerate::SOURCE, &[("params", main), ("b", &r), ("x", &x)])?;
         Ok(Self::of_one(x, r, (kernel, over_nodes(&params)), InUse::new(&params, &[])))
@@ -54,7 +54,7 @@ impl GpuBackend {
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let mut batch = self.record();
         self.solver.record(&mut batch, false, 1, 1);
-        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let ids: Vec<u32> = pick.iter().map(|(rhs, node)| (rhs * self.node_count) as u32 + node).collect();
         let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
         let unread = self.unread.unwrap_or(0) + 1;
         let wait = !ids.is_empty() || unread == UNREAD;

@@ -84,11 +84,11 @@ impl GpuBackend {
         start: &Snapshot,
     ) -> Result<Self> {
         let gpu: Arc<Gpu> = gpu.into();
-        let (n, slots) = (model.node_count(), needs.slots());
+        let (n, rhs_count) = (model.node_count(), needs.right_hand_sides());
         let mut made = Maker::new(&gpu);
         gpu.making("probe of sums");
         let compensated = u32::from(compensation_survives(&mut made)?);
-        let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
+        let params = Params { rhs_count: rhs_count as u32, compensated, ..model.params::<f32>() };
         // state and constant arrays of the law
         gpu.making("state");
         let main = made.params(&params);
@@ -138,7 +138,7 @@ impl GpuBackend {
         }
         begin.extend(solver.refresh.iter().cloned());
         // integration of the unconstrained motion alone, or with the correction
-        let single = made.params(&Params { slot_count: 1, ..params });
+        let single = made.params(&Params { rhs_count: 1, ..params });
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
@@ -151,7 +151,7 @@ impl GpuBackend {
         };
         gpu.making("exchange with the host");
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
-        let picked = n.min(needs.near.max(PICKED)) * slots;
+        let picked = n.min(needs.near.max(PICKED)) * rhs_count;
         let pick = Gather::new(&mut made, picked, [&solver.x, &u, &v, &f])?;
         let most = n.max(elements.as_ref().map_or(0, |elements| (elements.bytes / 16) as usize));
         let changes = needs.contact || needs.cutting || needs.breaking;
@@ -169,7 +169,7 @@ impl GpuBackend {
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         gpu.making("cut");
         // node duplication comes last, because it needs all arrays
-        let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
+        let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, rhs_count as u32)])?;
         let bytes = made.bytes;
         gpu.check_health()?; // report allocation failures before anything runs
         Ok(Self {
@@ -212,8 +212,8 @@ impl GpuBackend {
         })
     }
 
-    /// Writes (slot, node, N) entries into right-hand sides, or adds them; zeroes `slots` first.
-    fn scatter_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])], add: bool) -> Result<()> {
+    /// Writes (rhs, node, N) entries into right-hand sides, or adds them; zeroes `rhs_ids` first.
+    fn scatter_rows(&mut self, rhs_ids: &[usize], entries: &[(usize, u32, [f64; 3])], add: bool) -> Result<()> {
         let mut batch = self.record();
         if self.rows_pending {
             // the entries below would overwrite those that the batch still has to scatter
@@ -222,8 +222,8 @@ impl GpuBackend {
         }
         self.rows_pending = true;
         let bytes = self.offset(1);
-        for slot in slots {
-            batch.clear(&self.solver.r, self.offset(*slot), bytes);
+        for rhs in rhs_ids {
+            batch.clear(&self.solver.r, self.offset(*rhs), bytes);
         }
         let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
         let masked = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
@@ -238,8 +238,8 @@ impl GpuBackend {
         Ok(())
     }
 
-    fn offset(&self, slot: usize) -> u64 {
-        (slot * self.node_count * 16) as u64
+    fn offset(&self, rhs: usize) -> u64 {
+        (rhs * self.node_count * 16) as u64
     }
 }
 
@@ -284,8 +284,8 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
-        self.scatter_rows(slots, entries, false)
+    fn set_rows(&mut self, rhs_ids: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
+        self.scatter_rows(rhs_ids, entries, false)
     }
 
     fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()> {
@@ -293,25 +293,25 @@ impl Backend for GpuBackend {
         self.scatter_rows(&[], &entries, true)
     }
 
-    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
+    fn set_vector(&mut self, which: Vector, rhs: usize, values: &[V4<f64>]) -> Result<()> {
         let batch = self.record();
         self.gpu.submit(batch); // a write takes effect before later commands
         let array = if which == Vector::Solution { &self.solver.x } else { &self.solver.r };
-        self.gpu.write(array, self.offset(slot), &rounded(values));
+        self.gpu.write(array, self.offset(rhs), &rounded(values));
         Ok(())
     }
 
-    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
+    fn reset_initial_guess(&mut self, rhs_ids: &[usize]) -> Result<()> {
         let mut batch = self.record();
-        for slot in slots {
-            batch.clear(&self.solver.x, self.offset(*slot), self.offset(1));
+        for rhs in rhs_ids {
+            batch.clear(&self.solver.x, self.offset(*rhs), self.offset(1));
         }
         self.pending = Some(batch);
         Ok(())
     }
 
-    fn advance_guess(&mut self, slot: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
-        self.advance(slot, entries)
+    fn advance_guess(&mut self, rhs: usize, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        self.advance(rhs, entries)
     }
 
     fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
@@ -320,7 +320,7 @@ impl Backend for GpuBackend {
         }
         match self.newton {
             Some(_) => self.solve_nonlinear(requests, pick),
-            None => self.solve_slots(requests, pick),
+            None => self.solve_linear(requests, pick),
         }
     }
 
@@ -414,12 +414,12 @@ impl Backend for GpuBackend {
         Ok(cast::<V4<f32>>(&parts[0]).iter().map(|v| v.map(f64::from)).collect())
     }
 
-    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
+    fn solution(&mut self, rhs: usize) -> Result<Vec<V4<f64>>> {
         let batch = self.record();
         let n = self.node_count;
-        let parts = self.gpu.submit_and_read(batch, &[(&self.solver.x, self.offset(slot + 1))])?;
+        let parts = self.gpu.submit_and_read(batch, &[(&self.solver.x, self.offset(rhs + 1))])?;
         let all: Vec<V4<f32>> = cast(&parts[0]);
-        Ok(all[slot * n..].iter().map(|v| v.map(f64::from)).collect())
+        Ok(all[rhs * n..].iter().map(|v| v.map(f64::from)).collect())
     }
 }
 

@@ -128,7 +128,7 @@ impl GpuBackend {
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
         match requests {
-            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] => {
+            [SolveRequest { rhs: FREE, target: Target::OfLoad(tolerance) }] => {
                 newton.count = Nonlinear::default();
                 let outcome = match newton.conserved.take() {
                     None => self.balance(*tolerance)?,
@@ -141,7 +141,7 @@ impl GpuBackend {
                 let values = self.found(pick)?;
                 Ok((vec![outcome], values))
             }
-            _ => self.solve_slots(requests, pick),
+            _ => self.solve_linear(requests, pick),
         }
     }
 
@@ -214,7 +214,7 @@ impl GpuBackend {
             self.pending = Some(batch);
             return Ok(vec![]);
         }
-        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let ids: Vec<u32> = pick.iter().map(|(rhs, node)| (rhs * self.node_count) as u32 + node).collect();
         let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
         Ok(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked)])?[0]))
     }
@@ -318,10 +318,10 @@ impl Descent for GpuBackend {
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let residual_force = self.newton.as_ref().map(|newton| newton.law.search.residual_force[0].clone());
-        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::Absolute(residual) }];
         solve_shifted(self, shift, |body| {
             residual_force.iter().for_each(|r| body.restart(r));
-            Ok(body.solve_slots(&wanted, &[])?.0[0])
+            Ok(body.solve_linear(&wanted, &[])?.0[0])
         })
     }
 

@@ -34,7 +34,7 @@ fn columns(params: &Params<f32>) -> usize {
 }
 
 impl Solver {
-    /// Vectors for `params.slot_count` right-hand sides; `body` has the arrays of the body, `main` its parameters.
+    /// Vectors for `params.rhs_count` right-hand sides; `body` has the arrays of the body, `main` its parameters.
     pub fn new(
         made: &mut Maker,
         model: &Model,
@@ -48,19 +48,19 @@ impl Solver {
             return Self::explicit(made, body, params, main);
         }
         // vectors and partial sums of the conjugate gradients
-        let slots = params.slot_count as usize;
+        let rhs_count = params.rhs_count as usize;
         let n = params.node_count as usize;
-        let groups = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
-        let [x, r, p, s, z, w] = ["x", "r", "p", "s", "z", "w"].map(|name| made.vec4(name, n * slots));
+        let groups = |threads: usize| threads.div_ceil(GROUP as usize) * rhs_count;
+        let [x, r, p, s, z, w] = ["x", "r", "p", "s", "z", "w"].map(|name| made.vec4(name, n * rhs_count));
         let (x, r, z) = (x?, r?, z?);
-        let scalars = made.vec4("scalars", slots * 2)?;
-        let requests = made.vec4("requests", slots)?;
+        let scalars = made.vec4("scalars", rhs_count * 2)?;
+        let requests = made.vec4("requests", rhs_count)?;
         let mut sums = |name, count: usize| made.zeros::<f32>(name, count);
         let gamma = sums("partial_gamma", groups(columns(&params)))?;
         let shared = Arrays::of(&[
             scalars.clone(),
             gamma.clone(),
-            sums("partial_product", params.product_groups as usize * slots)?,
+            sums("partial_product", params.product_groups as usize * rhs_count)?,
             sums("partial_residual", groups(n))?,
         ]);
         made.reserved.sums.push(gamma);
@@ -89,7 +89,7 @@ impl Solver {
         // all right-hand sides together, and the correction alone
         let all = iteration(made, params, main)?;
         let correction = if with_correction {
-            let params = Params { first_slot: CORRECTION as u32, ..params };
+            let params = Params { first_rhs: CORRECTION as u32, ..params };
             let main = made.params(&params);
             iteration(made, params, &main)?
         } else {
@@ -127,14 +127,14 @@ impl Solver {
         }
     }
 
-    /// Sets the stopping criteria; slots that are not requested are marked as done.
+    /// Sets the stopping criteria; right-hand sides that are not requested are marked as done.
     pub fn write_requests(&self, gpu: &Gpu, requests: &[SolveRequest], rows: usize, floor: f64, driven: bool) {
         let mut scalars = vec![[1f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]; rows];
         let mut criteria = vec![[0f32; 4]; rows];
         for w in requests {
-            scalars[w.slot][3] = 0.0;
+            scalars[w.rhs][3] = 0.0;
             let floor = (floor * floor) as f32;
-            criteria[w.slot] = match w.target {
+            criteria[w.rhs] = match w.target {
                 Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, if driven { 2.0 } else { 1.0 }],
                 Target::Absolute(norm) | Target::Loose(norm, _) => [1.0, (norm * norm) as f32, floor, 0.0],
             };
@@ -160,22 +160,22 @@ impl GpuBackend {
 
 impl GpuBackend {
     /// Solves several right-hand sides of the linear system together.
-    pub(super) fn solve_slots(
+    pub(super) fn solve_linear(
         &mut self,
         requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         // range of right-hand sides, stopping criteria, initial guess
-        let only_correction = requests.iter().all(|w| w.slot == CORRECTION);
-        let last = requests.iter().map(|w| w.slot).max().unwrap_or(FREE);
+        let only_correction = requests.iter().all(|w| w.rhs == CORRECTION);
+        let last = requests.iter().map(|w| w.rhs).max().unwrap_or(FREE);
         let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
         self.solver.write_requests(&self.gpu, requests, last + 1, self.floor, self.driven.is_some());
-        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let ids: Vec<u32> = pick.iter().map(|(rhs, node)| (rhs * self.node_count) as u32 + node).collect();
         let mut batch = self.record();
         let last_bytes = 16 * self.solver.in_use.nodes as u64;
         let (from, bytes) = (self.offset(first), self.offset(rows as usize - 1) + last_bytes);
         batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
-        let again = requests.iter().all(|w| w.slot == FREE && !matches!(w.target, Target::OfLoad(_)));
+        let again = requests.iter().all(|w| w.rhs == FREE && !matches!(w.target, Target::OfLoad(_)));
         let kind = if again { 2 } else { usize::from(only_correction) };
         // the residual of the initial guess takes one additional product
         let [spare, again] = self.solver.spare;
@@ -203,11 +203,11 @@ impl GpuBackend {
     }
 }
 
-/// Solver scalars of the requested slots, from the bytes of the array.
+/// Solver scalars of the requested right-hand sides, from the bytes of the array.
 pub(super) fn scalars(bytes: &[u8], requests: &[SolveRequest]) -> Vec<Scalars<f32>> {
     let heads: Vec<[f32; 8]> = cast(bytes);
     let of = |w: &SolveRequest| {
-        let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
+        let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.rhs];
         Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
     };
     requests.iter().map(of).collect()

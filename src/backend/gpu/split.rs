@@ -16,12 +16,12 @@ pub(super) struct Split {
     table: Buffer,
     params: Buffer,
     pairs: Buffer,
-    copies: Vec<(Bound, u32)>, // kernels that duplicate nodal arrays, and the slots of each array
+    copies: Vec<(Bound, u32)>, // kernels that duplicate nodal arrays, and the right-hand sides of each array
     reserved: Reserved,
 }
 
 impl Split {
-    /// For a body whose nodes can be split, after all other arrays; `arrays` with their number of slots.
+    /// For a body whose nodes can be split, after all other arrays; `arrays` with their number of right-hand sides.
     pub fn new(
         made: &mut Maker,
         model: &Model,
@@ -34,9 +34,9 @@ impl Split {
         let most = model.node_count() - model.own_nodes();
         let params = made.uniform("params", 16, &[0u32; 4]);
         let pairs = made.zeros::<[u32; 2]>("pairs", most)?;
-        let bind = |(values, slots): &(&Buffer, u32)| {
+        let bind = |(values, rhs_count): &(&Buffer, u32)| {
             let list = [("params", &params), ("pairs", &pairs), ("values", *values)];
-            Ok((made.gpu.bind(&duplicate::SOURCE, &list)?, *slots))
+            Ok((made.gpu.bind(&duplicate::SOURCE, &list)?, *rhs_count))
         };
         let copies = arrays.iter().map(bind).collect::<Result<_>>()?;
         let reserved = std::mem::take(&mut made.reserved);
@@ -71,8 +71,8 @@ impl Split {
         gpu.write(&self.params, 0, &[copies.len() as u32, node_count as u32, 0, 0]);
         gpu.write(&self.pairs, 0, copies);
         let mut batch = gpu.batch();
-        for (kernel, slots) in &self.copies {
-            batch.run(kernel, copies.len(), *slots);
+        for (kernel, rhs_count) in &self.copies {
+            batch.run(kernel, copies.len(), *rhs_count);
         }
         gpu.submit(batch);
     }
@@ -111,8 +111,8 @@ impl GpuBackend {
         let v = self.body.v.clone();
         self.put(&v, &dead, &zeros)?;
         let x = self.solver.x.clone();
-        for slot in 0..self.params.slot_count as usize {
-            let ids: Vec<u32> = dead.iter().map(|n| (slot * self.node_count) as u32 + n).collect();
+        for rhs in 0..self.params.rhs_count as usize {
+            let ids: Vec<u32> = dead.iter().map(|n| (rhs * self.node_count) as u32 + n).collect();
             self.put(&x, &ids, &zeros)?;
         }
         Ok(())

@@ -137,8 +137,8 @@ impl Hexahedra {
         made.gpu.making("hyperelastic law");
         let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
         // products with the consistent tangent write corner forces for each right-hand side
-        let slots = if law.newton { self.params.slot_count as usize } else { 1 };
-        let corner_force = made.zeros::<f32>("corner_force", cells * 24 * slots)?;
+        let rhs_count = if law.newton { self.params.rhs_count as usize } else { 1 };
+        let corner_force = made.zeros::<f32>("corner_force", cells * 24 * rhs_count)?;
         let energy = made.zeros::<f32>("energy", cells)?;
         let displacement = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
         let fibres: Vec<u32> = law.rounded_fibres::<f32>().as_flattened().iter().map(|c| c.to_bits()).collect();
@@ -178,9 +178,9 @@ impl Hexahedra {
     }
 
     /// One V-cycle from level `number` downwards, in the order of `bodies::grid::multigrid::cycle`.
-    fn cycle(&self, made: &mut Maker, number: usize, first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
+    fn cycle(&self, made: &mut Maker, number: usize, first_rhs: u32, out: &mut Vec<Dispatch>) -> Result<()> {
         let (gpu, own) = (made.gpu, &self.levels[number]);
-        let params = Params { first_slot, ..own.params };
+        let params = Params { first_rhs, ..own.params };
         // product with the level's matrix, and one smoothing kernel per coefficient pair
         let main = made.params(&params);
         let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
@@ -218,7 +218,7 @@ impl Hexahedra {
         out.extend(products.iter().cloned());
         let threads = next.params.node_count as usize;
         out.push((bind(&restriction::SOURCE, &[("dofs", "coarse_dofs"), ("r", "coarse_r")])?, threads));
-        self.cycle(made, number + 1, first_slot, out)?;
+        self.cycle(made, number + 1, first_rhs, out)?;
         out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, over_nodes(&params)));
         sweep(&later, out);
         Ok(())
@@ -280,16 +280,16 @@ fn make_levels(
     main: &Buffer,
 ) -> Result<Vec<Level>> {
     made.gpu.making("multigrid");
-    let slots = params.slot_count as usize;
+    let rhs_count = params.rhs_count as usize;
     let levels = 1 + multigrid.coarse.len();
-    let d = made.vec4("d", params.node_count as usize * slots)?;
+    let d = made.vec4("d", params.node_count as usize * rhs_count)?;
     let first = steps(multigrid.largest, 0, levels);
     let finest = finest.joined(&Arrays::of(&[d]));
     let layer_of = finest.get("layer_of");
     let mut out = vec![Level { arrays: finest, params: *params, main: main.clone(), steps: first }];
     // sums of the coarse smoothers, which nothing reads; on the finest level, entries beyond those in use must stay zero
     let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(*params)).div_ceil(GROUP as usize));
-    let unread = made.zeros::<f32>("partial_gamma", unread * slots)?;
+    let unread = made.zeros::<f32>("partial_gamma", unread * rhs_count)?;
     for (number, level) in multigrid.coarse.iter().enumerate() {
         let params = level.params(*params);
         let n = params.node_count as usize;
@@ -301,10 +301,10 @@ fn make_levels(
         own.push(made.vec4("rotation", params.frames())?);
         own.push(made.vec4("block", n * 4)?);
         for name in ["r", "z", "d", "w"] {
-            own.push(made.vec4(name, n * slots)?);
+            own.push(made.vec4(name, n * rhs_count)?);
         }
         // an array of its own, so that the finest level's sums persist
-        own.push(made.zeros::<f32>("partial_product", params.product_groups as usize * slots)?);
+        own.push(made.zeros::<f32>("partial_product", params.product_groups as usize * rhs_count)?);
         let main = made.params(&params);
         let steps = steps(level.largest, 1 + number, levels);
         out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
@@ -443,7 +443,7 @@ impl Recorded for Hexahedra {
             return Ok(None);
         }
         let mut out = vec![];
-        self.cycle(made, 0, params.first_slot, &mut out)?;
+        self.cycle(made, 0, params.first_rhs, &mut out)?;
         Ok(Some(out))
     }
 

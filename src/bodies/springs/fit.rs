@@ -21,7 +21,7 @@ use super::Springs;
 use crate::bodies::Refused;
 use crate::error::Result;
 use crate::kernels::advance::Request;
-use crate::linear::{Slot, solve};
+use crate::linear::{SolverVectors, solve};
 use crate::math::elementary::{exp, ln};
 use crate::math::{M3, V3, V4, solve_definite};
 use crate::mesh::Unstructured;
@@ -248,9 +248,9 @@ impl Network {
             dot(r, z)
         };
         let mut r = load.to_vec();
-        let slot = Slot { x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
+        let vectors = SolverVectors { x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w };
         let request = Request { tolerance_squared: TOLERANCE * TOLERANCE, use_load: 1.0, ..Request::default() };
         let never = AtomicBool::new(false);
-        solve(slot, &request, size, MOST_ITERATIONS, &never, product, precondition).converged.then_some(())
+        solve(vectors, &request, size, MOST_ITERATIONS, &never, product, precondition).converged.then_some(())
     }
 }

@@ -57,18 +57,18 @@ struct Multigrid {
 impl Multigrid {
     fn new(host: &Auxiliary, model: &Model, made: &mut Maker, u: &Buffer, body: &Params<f32>) -> Result<Self> {
         made.gpu.making("multigrid");
-        let (slot_count, compensated) = (body.slot_count, body.compensated);
-        let params = Params { slot_count, compensated, ..host.model.params::<f32>() };
+        let (rhs_count, compensated) = (body.rhs_count, body.compensated);
+        let params = Params { rhs_count, compensated, ..host.model.params::<f32>() };
         let hexahedra = host.model.mechanics().recorded(&host.model, made, u, &params)?;
-        let (n, cells, slots) = (params.node_count as usize, params.cell_count as usize, slot_count as usize);
-        let sums = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
+        let (n, cells, rhs_count) = (params.node_count as usize, params.cell_count as usize, rhs_count as usize);
+        let sums = |threads: usize| threads.div_ceil(GROUP as usize) * rhs_count;
         let own = [
             made.with("dofs", n, || rounded(&host.model.dofs))?,
             made.vec4("block", n * 4)?,
-            made.vec4("r", n * slots)?,
-            made.vec4("z", n * slots)?,
-            made.vec4("w", n * slots)?,
-            made.zeros::<f32>("partial_product", params.product_groups as usize * slots)?,
+            made.vec4("r", n * rhs_count)?,
+            made.vec4("z", n * rhs_count)?,
+            made.vec4("w", n * rhs_count)?,
+            made.zeros::<f32>("partial_product", params.product_groups as usize * rhs_count)?,
             made.zeros::<f32>("partial_gamma", sums(params.columns()))?,
             made.with("first_of_cell", cells + 1, || host.in_cell.first.clone())?,
             made.with("in_cell", host.inside, || host.in_cell.members.clone())?,
@@ -83,7 +83,7 @@ impl Multigrid {
             made.with("first_around", n + 1, || host.transfer.around.first.clone())?,
             made.zeros::<u32>("around", most)?,
             made.zeros::<f32>("weight_around", most)?,
-            made.vec4("d", nodes * slots)?,
+            made.vec4("d", nodes * rhs_count)?,
         ];
         let out = Self {
             transfer: RefCell::new(host.transfer.clone()),
@@ -142,7 +142,7 @@ impl Multigrid {
 
     fn precondition(&self, made: &mut Maker, body: &Params<f32>) -> Result<Vec<Dispatch>> {
         let gpu = made.gpu;
-        let params = Params { first_slot: body.first_slot, ..self.params };
+        let params = Params { first_rhs: body.first_rhs, ..self.params };
         // restriction, V-cycle, correction, and the node blocks' share
         let down = made.params(&params);
         let names = [("dofs", "auxiliary_dofs"), ("r", "auxiliary_r"), ("z", "auxiliary_z")];
@@ -178,7 +178,7 @@ impl Tetrahedra {
         let hyperelastic = tetrahedra.law.is_some();
         let [nodes, count, domains] =
             [params.node_count, params.tetrahedron_count, params.domain_count].map(|n| n as usize);
-        let slots = params.slot_count as usize;
+        let rhs_count = params.rhs_count as usize;
         // constant arrays
         let per_volume: &dyn Fn() -> Vec<f32> = &|| own.per_volume.iter().map(|v| *v as f32).collect();
         let mut shared = vec![
@@ -191,7 +191,7 @@ impl Tetrahedra {
         // rotations of the step, and forces of the tetrahedra, whose array has their strains before
         let upright = |count: usize| move || vec![UPRIGHT.map(|c| c as f32); count];
         shared.push(made.with("node_rotation", nodes, upright(nodes))?);
-        let force = made.vec4("tetrahedron_force", 3 * count * slots)?;
+        let force = made.vec4("tetrahedron_force", 3 * count * rhs_count)?;
         // strains and pressures of domains
         let patches = Self::patch_count(params, smoothed);
         if smoothed || hyperelastic {
@@ -200,9 +200,9 @@ impl Tetrahedra {
                 made.with("of_domain", if smoothed { 6 * count } else { count }, || own.of_domain.clone())?,
                 made.with("shear", domains, || rounded(&own.shear))?,
                 made.with("domains", 6 * count, || own.domains.clone())?,
-                made.vec4("domain_stress", 3 * domains * slots)?,
-                made.zeros::<f32>("nodal_strain", patches * slots)?,
-                made.zeros::<f32>("pressure", patches * slots)?,
+                made.vec4("domain_stress", 3 * domains * rhs_count)?,
+                made.zeros::<f32>("nodal_strain", patches * rhs_count)?,
+                made.zeros::<f32>("pressure", patches * rhs_count)?,
             ]);
         }
         if smoothed {

@@ -183,24 +183,24 @@ impl Compliance {
         all.dedup();
         let budget = self.usual.map_or(u32::MAX, |usual| BEYOND * usual);
         // one unit force per column
-        let slots: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * batch.len()).collect();
-        let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
-        let node = |slot: usize| batch[(slot - FIRST_COLUMN) / 3];
-        let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-        let loose = |slot: usize| rest_shape.piece_of(node(slot)).is_some();
-        let limit = |slot: usize| if loose(slot) { u32::MAX } else { budget };
-        let target = |slot: usize| {
-            let moves = rest_shape.floats || loose(slot);
-            Target::Loose(if moves { FLOATING_FACTOR * tolerance } else { tolerance }, limit(slot))
+        let rhs_ids: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * batch.len()).collect();
+        let axis = |rhs: usize| DVec3::AXES[(rhs - FIRST_COLUMN) % 3].to_array();
+        let node = |rhs: usize| batch[(rhs - FIRST_COLUMN) / 3];
+        let entries: Vec<_> = rhs_ids.iter().map(|s| (*s, node(*s), axis(*s))).collect();
+        let loose = |rhs: usize| rest_shape.piece_of(node(rhs)).is_some();
+        let limit = |rhs: usize| if loose(rhs) { u32::MAX } else { budget };
+        let target = |rhs: usize| {
+            let moves = rest_shape.floats || loose(rhs);
+            Target::Loose(if moves { FLOATING_FACTOR * tolerance } else { tolerance }, limit(rhs))
         };
         let wanted: Vec<SolveRequest> =
-            slots.iter().map(|slot| SolveRequest { slot: *slot, target: target(*slot) }).collect();
-        let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
+            rhs_ids.iter().map(|rhs| SolveRequest { rhs: *rhs, target: target(*rhs) }).collect();
+        let pick: Vec<(usize, u32)> = rhs_ids.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
         // solve from zero, reading every known node
-        backend.reset_initial_guess(&slots)?;
-        backend.set_rows(&slots, &entries)?;
+        backend.reset_initial_guess(&rhs_ids)?;
+        backend.set_rows(&rhs_ids, &entries)?;
         let (outcomes, picked) = backend.solve(&wanted, &pick)?;
-        report.contact.columns += slots.len() as u32;
+        report.contact.columns += rhs_ids.len() as u32;
         let most = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
         report.contact.column_iterations = report.contact.column_iterations.max(most);
         report.costs.iterations += most;
@@ -208,7 +208,7 @@ impl Compliance {
         if most > 0 {
             self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
         }
-        if outcomes.iter().zip(&slots).any(|(outcome, slot)| outcome.broken(limit(*slot))) {
+        if outcomes.iter().zip(&rhs_ids).any(|(outcome, rhs)| outcome.broken(limit(*rhs))) {
             *report.warnings.entry("columns_not_converged").or_default() += 1;
         }
         // store the blocks
@@ -488,7 +488,7 @@ impl Body {
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
         self.backend.set_rows(&[CORRECTION], &entries)?;
         self.guess_correction(forces)?;
-        let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance) }];
+        let wanted = [SolveRequest { rhs: CORRECTION, target: Target::Absolute(tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;

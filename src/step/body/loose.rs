@@ -65,7 +65,7 @@ impl Body {
     }
 
     /// Adds the translations of the loose pieces by gravity, m/s², and these forces on them, N, to an initial guess.
-    fn advance_guess(&mut self, slot: usize, gravity: DVec3, forces: Vec<DVec3>) -> Result<()> {
+    fn advance_guess(&mut self, rhs: usize, gravity: DVec3, forces: Vec<DVec3>) -> Result<()> {
         let step = &self.model.step;
         if self.wound.loose.is_empty() || step.explicit() || step.integrator == Integrator::Static {
             return Ok(());
@@ -76,6 +76,6 @@ impl Body {
             let by = ((gravity + force / mass) * step.step * step.step).to_array();
             entries.extend(piece.nodes.iter().map(|node| (*node, by)));
         }
-        self.backend.advance_guess(slot, &entries)
+        self.backend.advance_guess(rhs, &entries)
     }
 }

@@ -38,7 +38,7 @@ impl Body {
             self.backend.set_vector(Vector::RightHandSide, FREE, &residual_force)?;
             self.backend.reset_initial_guess(&[FREE])?;
             let target = Target::Absolute((0.5 * target_norm).max(MIN_REDUCTION * residual_norm));
-            let (outcome, _) = self.backend.solve(&[SolveRequest { slot: FREE, target }], &[])?;
+            let (outcome, _) = self.backend.solve(&[SolveRequest { rhs: FREE, target }], &[])?;
             let before = solved.dx.clone();
             add(&mut solved.dx, &self.backend.solution(FREE)?, 1.0);
             free.iterations += outcome[0].iterations;

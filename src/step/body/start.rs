@@ -11,10 +11,10 @@ use crate::scene::{Attachment, BodyId, Correction, STEP, Scene};
 const OF_A_TIE: usize = 24;
 
 /// Number of right-hand sides of a deformable body's backend.
-pub(super) fn slots(scene: &Scene) -> usize {
+pub(super) fn right_hand_sides(scene: &Scene) -> usize {
     let exact = scene.contact.is_some_and(|contact| contact.correction == Correction::Exact);
     let columns = if exact { COLUMNS } else { 0 };
-    Needs { contact: scene.contact.is_some(), columns, ..Needs::default() }.slots()
+    Needs { contact: scene.contact.is_some(), columns, ..Needs::default() }.right_hand_sides()
 }
 
 /// Refuses an explicit step above the stability limit.

@@ -7,19 +7,19 @@ use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result, unless};
 use crate::kernels::accelerate::accelerate;
-use crate::linear::{Outcome, Slot, solve};
+use crate::linear::{Outcome, SolverVectors, solve};
 use crate::math::{Real, V3, V4, norm, round, widen};
 use rayon::prelude::*;
 
 impl<R: Real> CpuBackend<R> {
-    /// Values of `x` at (slot, node), m.
+    /// Values of `x` at (right-hand side, node), m.
     pub(super) fn picked(&self, pick: &[(usize, u32)]) -> Vec<[f64; 3]> {
-        let value = |(slot, node): &(usize, u32)| self.x[slot * self.node_count + *node as usize];
+        let value = |(rhs, node): &(usize, u32)| self.x[rhs * self.node_count + *node as usize];
         pick.iter().map(|p| V3::from4(value(p)).f64()).collect()
     }
 
     /// Solves the linear systems of several right-hand sides and reads values.
-    pub(super) fn solve_slots(
+    pub(super) fn solve_linear(
         &mut self,
         requests: &[SolveRequest],
         pick: &[(usize, u32)],
@@ -43,11 +43,11 @@ impl<R: Real> CpuBackend<R> {
         let mut done: Vec<(usize, Outcome)> = arrays
             .into_par_iter()
             .enumerate()
-            .filter_map(|(slot, arrays)| Some((requests.iter().find(|w| w.slot == slot)?, arrays)))
+            .filter_map(|(rhs, arrays)| Some((requests.iter().find(|w| w.rhs == rhs)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Workspace { scratch, levels }))| {
                 let request = request(want.target, floor, driven);
                 let outcome = solve(
-                    Slot { x, r, p, s, z, w },
+                    SolverVectors { x, r, p, s, z, w },
                     &request,
                     load,
                     want.target.iterations(max_iterations),
@@ -55,12 +55,12 @@ impl<R: Real> CpuBackend<R> {
                     |z: &[V4<R>], w: &mut [V4<R>]| system.product(params, dofs, z, w, scratch),
                     |r: &[V4<R>], z: &mut [V4<R>]| precondition(levels, r, z),
                 );
-                (want.slot, outcome)
+                (want.rhs, outcome)
             })
             .collect();
         unless(interrupt)?;
-        done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &SolveRequest| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
+        done.sort_by_key(|(rhs, _)| *rhs);
+        let find = |w: &SolveRequest| done.iter().find(|d| d.0 == w.rhs).map(|d| d.1).unwrap_or_default();
         let outcomes = requests.iter().map(find).collect();
         Ok((outcomes, self.picked(pick)))
     }
@@ -72,7 +72,7 @@ impl<R: Real> CpuBackend<R> {
         pick: &[(usize, u32)],
     ) -> (Vec<Outcome>, Vec<[f64; 3]>) {
         accelerate(&self.params, &self.dofs, &self.r, &mut self.x);
-        debug_assert!(requests.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
+        debug_assert!(requests.iter().all(|w| w.rhs == FREE), "explicit steps have no contact");
         (vec![Outcome::exact(); requests.len()], self.picked(pick))
     }
 
@@ -195,11 +195,11 @@ impl<R: Real> Descent for LineSearch<'_, R> {
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         self.body.system.linearise(&self.moved());
         let (residual_force, n) = (&self.current.residual, self.b.len());
-        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
+        let wanted = [SolveRequest { rhs: FREE, target: Target::Absolute(residual) }];
         let (iterations, shift) = solve_shifted(self.body, shift, |body| {
             body.r[..n].copy_from_slice(residual_force);
             body.x[..n].fill([R::zero(); 4]);
-            Ok(body.solve_slots(&wanted, &[])?.0[0])
+            Ok(body.solve_linear(&wanted, &[])?.0[0])
         })?;
         self.direction.copy_from_slice(&self.body.x[..n]);
         Ok((iterations, shift))
