@@ -1,7 +1,8 @@
 //! Ends a step: `Δx = x_0 + x_1` (unconstrained motion and contact correction), `u += Δx`, `v' = v + ρ (Δx/h − v)`.
 //!
-//! `ρ = params.velocity_factor`: 1 where `v' = Δx/h`, the one velocity of the step; 2 for the trapezoidal and the midpoint rule, where `Δx/h` is the mean of `v` and
-//! `v'`. `params.rhs_count` 1: no contact; right-hand side 1 is not read. Otherwise `x_0` becomes `Δx`, with which the next step's solve starts.
+//! `ρ = params.velocity_factor`: 1 where `v' = Δx/h`, the one velocity of the step; 2 for the trapezoidal and the midpoint rule, where `Δx/h`
+//! is the mean of `v` and `v'`. `params.rhs_count` 1: no contact; right-hand side 1 is not read. Otherwise `x_0` becomes `Δx`, with which the
+//! next step's solve starts.
 //! Units: x m, u m, v m/s.
 
 use super::{Params, Source};

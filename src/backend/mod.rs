@@ -199,8 +199,8 @@ pub trait Backend: Send {
     fn set_vector(&mut self, which: Vector, rhs: usize, values: &[V4<f64>]) -> Result<()>;
     /// Resets the initial guesses of these right-hand sides to zero.
     fn reset_initial_guess(&mut self, rhs_ids: &[usize]) -> Result<()>;
-    /// Adds displacements at nodes, m, each once, to the initial guess of a right-hand side. That of a body with a nonlinear law is what the step's motion
-    /// begins with there; elsewhere it begins at rest.
+    /// Adds displacements at nodes, m, each once, to the initial guess of a right-hand side. That of a body with a nonlinear law is what
+    /// the step's motion begins with there; elsewhere it begins at rest.
     fn advance_guess(&mut self, rhs: usize, entries: &[(u32, [f64; 3])]) -> Result<()>;
     /// Solves several right-hand sides together and returns values of `x` at (right-hand side, node).
     fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
