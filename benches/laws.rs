@@ -1,16 +1,19 @@
 //! All material laws side by side, error and time of the same run: the skin block under its weight and 1, 10 and 50 kPa on 4 × 4 mm, ν 0.45 and
-//! 0.49, on 20 × 20 × 5 cells, in steps of 5 ms until it is at rest, on the CPU path in f64 and f32. The laws take turns step by step, so that
-//! other work on the machine falls on all of them. Prints the table of `benches/results/laws.md`.
+//! 0.49, on 20 × 20 × 5 cells, in steps of 5 ms until it is at rest; and the block pressed by a smooth sphere in steps of 20 ms, by the corotational
+//! and the neo-Hookean law. On the CPU path in f64 and f32, and on the first adapter, if there is one. The laws take turns step by step, so
+//! that other work on the machine falls on all of them. Prints the tables of `benches/results/laws.md`.
 //!
 //! `cargo bench --bench laws`
 
-use cutis::report::verify::{CASES, Change};
+use cutis::gpu::adapters;
+use cutis::report::verify::{CASES, Case, Change};
 use cutis::scene::{Element, Fibres, Integrator, Law, Material, Probe, ProbeKind, Scene};
-use cutis::step::{Platform, Simulation};
+use cutis::step::{Platform, Simulation, StepReport};
 use std::time::Instant;
 
-/// Rounds whose median counts.
+/// Rounds whose median counts, on the CPU path and on an adapter.
 const ROUNDS: usize = 5;
+const ROUNDS_ON_GPU: usize = 3;
 /// Steps of 5 ms: Rayleigh damping of 0.01 s leaves 1.5⁻⁴⁰ = 1e-7 of a motion.
 const STEPS: u32 = 40;
 /// Steps from the start with the larger part of the motion, whose time is shown beside that of all.
@@ -30,6 +33,20 @@ const LOADS: [(&str, f64, f64); 6] = [
     ("skin block, 10 kPa, ν 0.49", 10e3, 0.49),
     ("skin block, 50 kPa, ν 0.49", 50e3, 0.49),
 ];
+/// Grid of the case that a sphere presses, as of the others.
+const GRID: Change = Change::Cells([20, 20], &[2, 2, 1]);
+/// Names of the cases that have a sphere and its reference.
+const SPHERES: [&str; 4] = [
+    "sphere R 2 mm, 0.575 mm into skin, ν 0.45",
+    "sphere R 2 mm, 0.575 mm into skin, ν 0.49",
+    "sphere R 2 mm, 1.15 mm into skin, ν 0.45",
+    "sphere R 2 mm, 1.15 mm into skin, ν 0.49",
+];
+/// Length of their steps and of the run, s: the sphere goes down in the first second and is held.
+const SPHERE_STEP: f64 = 0.02;
+const SPHERE_END: f64 = 1.4;
+/// Largest error of the neo-Hookean force on this grid: 3.1 %.
+const OF_THE_SPHERE: f64 = 0.05;
 /// Places in [`WAYS`].
 const COROTATIONAL: usize = 1;
 const NEO_HOOKEAN: usize = 2;
@@ -106,8 +123,8 @@ impl Way {
 /// A run of a law.
 #[derive(Clone, Default)]
 struct Run {
-    /// `[step]` displacement of the centre at its end, m.
-    u: Vec<f64>,
+    /// `[step]` what is read at its end: displacement of the centre, m, or force on the sphere, N.
+    values: Vec<f64>,
     /// `[step]` s
     seconds: Vec<f64>,
     /// Of conjugate gradients, of all steps.
@@ -122,12 +139,21 @@ impl Run {
     }
 }
 
-/// Runs all ways once, a step of each in turn.
-fn round(scenes: &[Scene], platform: &Platform, first: usize) -> Vec<Run> {
+/// What is read of a step.
+type Read = fn(&StepReport) -> f64;
+
+/// Displacement of the centre, m.
+const CENTRE: Read = |report| report.probes[0];
+/// Upward force on the sphere, N.
+const FORCE: Read = |report| report.contact.on_tool[0][2];
+
+/// Runs all scenes once, a step of each in turn.
+fn round(scenes: &[Scene], platform: &Platform, first: usize, read: Read) -> Vec<Run> {
     let mut simulations: Vec<Simulation> =
         scenes.iter().map(|scene| Simulation::new(scene, platform).expect("the scene is valid")).collect();
     let mut runs = vec![Run::default(); scenes.len()];
-    for step in 0..STEPS {
+    let steps = scenes.iter().map(|scene| scene.time.steps()).max().unwrap_or(0);
+    for step in 0..steps {
         for turn in 0..scenes.len() {
             let k = (turn + first + step as usize) % scenes.len();
             if step >= scenes[k].time.steps() {
@@ -136,9 +162,9 @@ fn round(scenes: &[Scene], platform: &Platform, first: usize) -> Vec<Run> {
             let begin = Instant::now();
             let report = simulations[k].step(false).expect("it runs");
             runs[k].seconds.push(begin.elapsed().as_secs_f64());
-            assert!(report.free.converged, "{}, step {step}", WAYS[k].name);
+            assert!(report.free.converged, "{:?}, step {step}", scenes[k].skins[0].law);
             runs[k].iterations += report.free.iterations;
-            runs[k].u.push(report.probes[0]);
+            runs[k].values.push(read(&report));
         }
     }
     runs
@@ -161,20 +187,26 @@ struct Found {
     steps: [f64; 2],
 }
 
+/// Rounds of scenes on a platform.
+fn rounds(scenes: &[Scene], platform: &Platform, read: Read) -> Vec<Vec<Run>> {
+    let count = if matches!(platform, Platform::Gpu(_)) { ROUNDS_ON_GPU } else { ROUNDS };
+    (0..count).map(|first| round(scenes, platform, first, read)).collect()
+}
+
 fn found(scenes: &[Scene], platform: &Platform) -> Vec<Found> {
-    let rounds: Vec<Vec<Run>> = (0..ROUNDS).map(|first| round(scenes, platform, first)).collect();
+    let rounds = rounds(scenes, platform, CENTRE);
     let of = |k: usize| {
-        let Run { u, iterations, .. } = &rounds[0][k];
-        let last = u[u.len() - 1];
+        let Run { values, iterations, .. } = &rounds[0][k];
+        let last = values[values.len() - 1];
         if !WAYS[k].still() {
-            let added = (last / u[u.len() - 2] - 1.0).abs();
+            let added = (last / values[values.len() - 2] - 1.0).abs();
             assert!(added < REST, "{} is not at rest: {added:e}", WAYS[k].name);
         }
         let counts = [MOVING, STEPS as usize];
         let ratio = |n: usize, round: &Vec<Run>| round[k].per_step(n) / round[COROTATIONAL].per_step(n);
         Found {
             u: last,
-            iterations: f64::from(*iterations) / u.len() as f64,
+            iterations: f64::from(*iterations) / values.len() as f64,
             ratios: counts.map(|n| median(rounds.iter().map(|round| ratio(n, round)).collect())),
             steps: counts.map(|n| 1e3 * median(rounds.iter().map(|round| round[k].per_step(n)).collect())),
         }
@@ -198,30 +230,37 @@ fn block(name: &str, pressure: f64, poisson: f64) -> (Scene, f64) {
     (scene, case.reference)
 }
 
-/// Prints the lines of a load; what a neo-Hookean step takes, corotational = 1, in f64 and f32, each of the moving steps and of all.
-fn lines(name: &str, pressure: f64, poisson: f64) -> [[f64; 2]; 2] {
+/// Joins a value of each platform.
+fn joined<T>(of: &[T], word: impl Fn(&T) -> String) -> String {
+    of.iter().map(word).collect::<Vec<_>>().join(", ")
+}
+
+fn off(value: f64, from: f64) -> f64 {
+    100.0 * (value / from - 1.0)
+}
+
+/// Prints the lines of a load; what a neo-Hookean step takes, corotational = 1, on each platform, of the moving steps and of all.
+fn lines(name: &str, pressure: f64, poisson: f64, platforms: &[Platform]) -> Vec<[f64; 2]> {
     let (block, reference) = block(name, pressure, poisson);
     let scenes: Vec<Scene> = WAYS.iter().map(|way| way.scene(&block)).collect();
-    let [double, single] = [Platform::Cpu64, Platform::Cpu32].map(|platform| found(&scenes, &platform));
+    let found: Vec<Vec<Found>> = platforms.iter().map(|platform| found(&scenes, platform)).collect();
+    let double = &found[0];
     for (k, way) in WAYS.iter().enumerate() {
         let balance = way.balance(&block);
-        let (d, s) = (&double[k], &single[k]);
-        let off = |u: f64, from: f64| 100.0 * (u / from - 1.0);
-        let own =
-            if way.still() { "–".into() } else { format!("{:+.3}, {:+.3}", off(d.u, balance), off(s.u, balance)) };
+        let own = joined(&found, |found| format!("{:+.3}", off(found[k].u, balance)));
         let time = |n: usize| {
-            let (d, s) = ([d.ratios[n], d.steps[n]], [s.ratios[n], s.steps[n]]);
-            let ms = if k == COROTATIONAL { format!(" ({:.1}, {:.1} ms)", d[1], s[1]) } else { String::new() };
-            format!("{:.2}, {:.2}{ms}", d[0], s[0])
+            let ms = joined(&found, |found| format!("{:.1}", found[k].steps[n]));
+            let ms = if k == COROTATIONAL { format!(" ({ms} ms)") } else { String::new() };
+            joined(&found, |found| format!("{:.2}", found[k].ratios[n])) + &ms
         };
         println!(
-            "| {poisson} | {} | {} | {:.4} | {:+.1} | {own} | {:.1}, {:.1} | {} | {} |",
+            "| {poisson} | {} | {} | {:.4} | {:+.1} | {} | {} | {} | {} |",
             pressure / 1e3,
             way.name,
-            1e3 * d.u,
-            off(d.u, reference),
-            d.iterations,
-            s.iterations,
+            1e3 * double[k].u,
+            off(double[k].u, reference),
+            if way.still() { "–".into() } else { own },
+            joined(&found, |found| format!("{:.1}", found[k].iterations)),
             if way.still() { "–".into() } else { time(0) },
             time(1)
         );
@@ -231,26 +270,98 @@ fn lines(name: &str, pressure: f64, poisson: f64) -> [[f64; 2]; 2] {
     assert!(pressure < 50e3 || off(COROTATIONAL, reference) > 0.5, "another law is not noticed");
     assert!(off(WITHOUT_FIBRES, double[NEO_HOOKEAN].u) < 1e-6, "without fibres it is the neo-Hookean law");
     assert!(off(WITH_FIBRES, double[NEO_HOOKEAN].u) > 1e-3, "fibres are not noticed");
-    [double, single].map(|found| found[NEO_HOOKEAN].ratios)
+    found.iter().map(|found| found[NEO_HOOKEAN].ratios).collect()
+}
+
+/// The case of a sphere on this grid, by the neo-Hookean law.
+fn pressed(name: &str) -> &'static Case {
+    let wanted = [Change::Law(WAYS[NEO_HOOKEAN].law), GRID];
+    let case = CASES.iter().find(|case| case.name == name && wanted.iter().all(|change| case.changes.contains(change)));
+    case.expect("it is a known answer")
+}
+
+/// Prints the lines of a sphere; what a neo-Hookean step takes on each platform, corotational = 1.
+fn sphere_lines(name: &str, platforms: &[Platform]) -> Vec<f64> {
+    let case = pressed(name);
+    let scene = |way: usize| {
+        let mut scene = case.scene().expect("its scene is valid");
+        (scene.time.integrator, scene.time.step, scene.time.duration) =
+            (Integrator::ImplicitEuler, SPHERE_STEP, SPHERE_END);
+        // what a scene file has by default
+        (scene.solver.tolerance, scene.solver.floor) = (1e-3, 1e-10);
+        let skin = &mut scene.skins[0];
+        (skin.law, skin.rayleigh_mass, skin.rayleigh_stiffness) = (WAYS[way].law, 0.01, 0.01);
+        scene
+    };
+    let ways = [COROTATIONAL, NEO_HOOKEAN];
+    let scenes = ways.map(scene);
+    let all: Vec<Vec<Vec<Run>>> = platforms.iter().map(|platform| rounds(&scenes, platform, FORCE)).collect();
+    let last = |runs: &[Run], k: usize| runs[k].values.last().copied().unwrap_or(f64::NAN);
+    let per_step = |runs: &[Run], k: usize| runs[k].per_step(usize::MAX);
+    let ratio = |rounds: &[Vec<Run>], k: usize| {
+        median(rounds.iter().map(|runs| per_step(runs, k) / per_step(runs, 0)).collect())
+    };
+    for (k, way) in ways.iter().enumerate() {
+        let ms = joined(&all, |rounds| {
+            format!("{:.1}", 1e3 * median(rounds.iter().map(|runs| per_step(runs, k)).collect()))
+        });
+        println!(
+            "| {name} | {} | {:.4} | {} | {} | {} | {ms} |",
+            WAYS[*way].name,
+            last(&all[0][0], k),
+            joined(&all, |rounds| format!("{:+.1}", off(last(&rounds[0], k), case.reference))),
+            joined(&all, |rounds| {
+                let run = &rounds[0][k];
+                format!("{:.1}", f64::from(run.iterations) / run.values.len() as f64)
+            }),
+            joined(&all, |rounds| format!("{:.2}", ratio(rounds, k))),
+        );
+    }
+    for rounds in &all {
+        let errors = [0, 1].map(|k| (last(&rounds[0], k) / case.reference - 1.0).abs());
+        assert!(errors[1] < OF_THE_SPHERE, "its time means nothing: {errors:?}");
+        assert!(errors[0] > 2.0 * OF_THE_SPHERE, "another law is not noticed: {errors:?}");
+    }
+    all.iter().map(|rounds| ratio(rounds, 1)).collect()
+}
+
+/// Prints the range of ratios.
+fn summed(which: &str, mut ratios: Vec<f64>) {
+    ratios.sort_by(f64::total_cmp);
+    let held = ratios.iter().filter(|ratio| **ratio <= PRICE).count();
+    println!(
+        "\nneo-Hookean over corotational, {which}: {:.2} to {:.2}; at most {PRICE} in {held} of {}",
+        ratios[0],
+        ratios[ratios.len() - 1],
+        ratios.len()
+    );
 }
 
 fn main() {
-    println!("CPU: {} threads\n", std::thread::available_parallelism().map_or(1, usize::from));
+    let mut platforms = vec![Platform::Cpu64, Platform::Cpu32];
+    let mut names = String::from("f64, f32");
+    println!("CPU: {} threads", std::thread::available_parallelism().map_or(1, usize::from));
+    match adapters().first() {
+        Some(adapter) => {
+            println!("GPU: {} ({}, {})", adapter.name, adapter.backend, adapter.driver);
+            platforms.push(Platform::Gpu(None));
+            names += ", GPU";
+        }
+        None => println!("no adapter: the GPU is left out"),
+    }
     println!(
-        "| ν | kPa | law | u_z of the centre, mm | off the neo-Hookean reference % | off the law's own balance %: f64, f32 | iterations per step: f64, f32 | time per step, corotational = 1, first {MOVING} steps: f64, f32 | all {STEPS}: f64, f32 |"
+        "\n| ν | kPa | law | u_z of the centre, mm | off the neo-Hookean reference % | off the law's own balance %: {names} | iterations per step: {names} | time per step, corotational = 1, first {MOVING} steps: {names} | all {STEPS}: {names} |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    let ratios = LOADS.map(|(name, pressure, poisson)| lines(name, pressure, poisson));
-    for (n, which) in ["first", "all"].into_iter().enumerate() {
-        let of = |ratios: &[[f64; 2]; 2]| ratios.map(|precision| precision[n]);
-        let mut all: Vec<f64> = ratios.iter().flat_map(of).collect();
-        all.sort_by(f64::total_cmp);
-        let held = all.iter().filter(|ratio| **ratio <= PRICE).count();
-        println!(
-            "\nneo-Hookean over corotational, {which} steps: {:.2} to {:.2}; at most {PRICE} in {held} of {}",
-            all[0],
-            all[all.len() - 1],
-            all.len()
-        );
+    let ratios: Vec<[f64; 2]> =
+        LOADS.iter().flat_map(|(name, pressure, poisson)| lines(name, *pressure, *poisson, &platforms)).collect();
+    for (n, which) in ["first steps", "all steps"].into_iter().enumerate() {
+        summed(which, ratios.iter().map(|ratio| ratio[n]).collect());
     }
+    println!(
+        "\n| sphere | law | force, N | off the neo-Hookean reference %: {names} | iterations per step: {names} | time per step, corotational = 1: {names} | ms: {names} |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    let ratios = SPHERES.iter().flat_map(|name| sphere_lines(name, &platforms)).collect();
+    summed("pressed by a sphere", ratios);
 }

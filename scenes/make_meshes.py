@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Writes the skin of scenes/skin_tetra.toml as Gmsh files of three sizes: meshes/skin_coarse.msh, skin_middle.msh,
-skin_fine.msh; the surface of scenes/pad.toml: meshes/pad.obj; and that of scenes/verify/bar_aslant.toml: meshes/bar_aslant.obj.
+skin_fine.msh; the surface of scenes/pad.toml: meshes/pad.obj; and those of scenes/verify/bar_aslant.toml and cook.toml: meshes/bar_aslant.obj, cook.obj.
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
 
@@ -9,7 +9,7 @@ Plain Python 3, no packages, no input, no randomness: the same files on every ru
 
 The pad: a box bent to a cushion of 16 x 12 x 8 mm, with round corners and a top that is 3 mm lower at its rim.
 
-The bar: 3 x 3 x 12 mm, turned by 30 degrees about y.
+The bar: 3 x 3 x 12 mm, turned by 30 degrees about y. Cook's membrane: a tapered panel, 2 mm thick.
 
 The skin: a box of 20 x 20 x 2.3 mm with its corner at the origin, as Gmsh's box has it; version 2.2, text. Physical groups: the
 volume `skin`; its faces `bottom`, `top` and `sides`.
@@ -84,6 +84,11 @@ def aslant(at):
     return [x * math.cos(TURNED) + z * math.sin(TURNED), y, z * math.cos(TURNED) - x * math.sin(TURNED)]
 
 
+def tapered(at):
+    """The same of Cook's membrane, 48 mm long, 44 mm high where it is clamped and 16 where it is sheared."""
+    return [48.0 * (at[0] - 0.5), 2.0 * (at[1] - 0.5), 44.0 * at[0] + (44.0 - 28.0 * at[0]) * at[2]]
+
+
 def mesh(cells, place, jitter):
     """Points, tetrahedra, and triangles of the faces with their group, of a box that is bent by `place`."""
     counts = [n + 1 for n in cells]
@@ -149,7 +154,11 @@ def main():
         path = folder / f"skin_{name}.msh"
         path.write_text(msh(*made))
         print(f"{path.name}: {len(made[0])} nodes, {len(made[1])} tetrahedra")
-    surfaces = {"pad": ("pad", pad(24)), "bar_aslant": ("verify/bar_aslant", mesh((1, 1, 4), aslant, 0.0))}
+    surfaces = {
+        "pad": ("pad", pad(24)),
+        "bar_aslant": ("verify/bar_aslant", mesh((1, 1, 4), aslant, 0.0)),
+        "cook": ("verify/cook", mesh((1, 1, 1), tapered, 0.0)),
+    }
     for name, (scene, (points, _, triangles)) in surfaces.items():
         (folder / f"{name}.obj").write_text(obj(scene, points, triangles))
         print(f"{name}.obj: {len(triangles)} triangles")

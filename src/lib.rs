@@ -167,7 +167,7 @@
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
 //! - One writer per array entry and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
 //!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds.
-//!   Exceptions: the sparse factor ([`bodies::grid::direct`]), pictures and plots.
+//!   Exceptions: the sparse factor ([`bodies::grid::direct`]), runs by the clock, pictures and plots.
 //! - Core WebGPU limits: 8 storage buffers per kernel, no subgroups, no f64. A size beyond a limit is an error that names the limit.
 //! - Solves stop at a residual relative to the step's load, not after a fixed count; solves that did not converge are counted.
 //! - Bad input is an [`Error`](error::Error) that says where, what and how to fix it; a broken invariant of ours is an assertion.

@@ -133,7 +133,7 @@ fn run_scene(args: &Run) -> Result<u8> {
         }
     }
     for (name, count) in &summary.report.warnings {
-        print::note(format_args!("warning: {name} × {count}"));
+        print::note(text::warning(name, *count));
     }
     if summary.cut_short && !scene.checks.is_empty() {
         print::note("note: the scene's checks are for the whole run and were not evaluated");

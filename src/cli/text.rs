@@ -11,6 +11,7 @@ use cutis::report::study::Study;
 use cutis::report::verify::Page;
 use cutis::scene::keys::Key;
 use cutis::scene::{Scene, Skin};
+use cutis::step;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -40,6 +41,7 @@ pub fn profile(r: &Report) -> String {
         ("columns", c.columns_ms),
         ("corrections", c.corrections_ms),
         ("contact laws", c.laws_ms),
+        ("hand-over", c.hand_over_ms),
         ("cut", c.cut_ms),
         ("other", c.other_ms),
     ];
@@ -270,6 +272,12 @@ pub fn adapters(all: &[Adapter]) -> String {
             .into(),
     };
     text + &choice + "\n"
+}
+
+/// A warning of a run, with its meaning and remedy.
+pub fn warning(name: &str, count: u64) -> String {
+    let said = step::warning(name).map_or(String::new(), |w| format!(": {}; {}", w.meaning, w.remedy).replace('`', ""));
+    format!("warning: {name} × {count}{said}")
 }
 
 /// Keys of scenes, by table.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Number of costs in the report.
-const COSTS: usize = 12;
+const COSTS: usize = 13;
 
 /// Accumulates the report of a run.
 pub(super) struct Collector {
@@ -33,6 +33,8 @@ pub(super) struct Collected {
     touching: u32,
     /// Time of the largest force, s.
     peak_time: f64,
+    /// Law residual of the last step; 0 where it was not checked.
+    law_residual: f64,
 }
 
 impl Collector {
@@ -119,6 +121,7 @@ impl Collector {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
             r.solver.law_residual = Some(larger(r.solver.law_residual.unwrap_or(0.0), step.law_residual));
         }
+        self.seen.law_residual = step.law_residual;
         step.measured.iter().for_each(|measured| self.measured(measured));
         let r = &mut self.seen.report;
         // contact
@@ -174,6 +177,7 @@ impl Collector {
     }
 
     fn warn(&mut self, name: &str, count: u64) {
+        debug_assert!(crate::step::warning(name).is_some(), "{name} is in no row of `WARNINGS`");
         if count > 0 {
             *self.seen.report.warnings.entry(name.into()).or_default() += count;
         }
@@ -182,6 +186,8 @@ impl Collector {
     /// Adds the state at the end of the run.
     pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot], measured: Option<&Measured>) {
         self.warn("non_finite_nodes", states.iter().map(Snapshot::non_finite).sum::<usize>() as u64);
+        let beyond = larger(self.seen.law_residual, 1.0) != 1.0;
+        self.warn("step_beyond_linearisation", u64::from(beyond));
         if let Some(measured) = measured {
             self.measured(measured);
             self.warn_of(measured);
@@ -256,6 +262,7 @@ fn cost_values(step: &StepReport) -> [f64; COSTS] {
         ms(Part::Columns),
         ms(Part::Corrections),
         ms(Part::Laws),
+        ms(Part::HandOver),
         ms(Part::Cut),
         ms(Part::Other),
     ]
@@ -263,33 +270,22 @@ fn cost_values(step: &StepReport) -> [f64; COSTS] {
 
 /// Report of the values of [`cost_values`].
 fn costs(series: &[Series; COSTS]) -> CostReport {
-    let [
-        columns,
-        passes,
-        iterations,
-        row_updates,
-        cut_tests,
-        search_ms,
-        free_ms,
-        columns_ms,
-        corrections_ms,
-        laws_ms,
-        cut_ms,
-        other_ms,
-    ] = series.each_ref().map(Series::share);
+    let mut shares = series.iter().map(Series::share);
+    let mut next = || shares.next().unwrap_or_default();
     CostReport {
-        columns,
-        passes,
-        iterations,
-        row_updates,
-        cut_tests,
-        search_ms,
-        free_ms,
-        columns_ms,
-        corrections_ms,
-        laws_ms,
-        cut_ms,
-        other_ms,
+        columns: next(),
+        passes: next(),
+        iterations: next(),
+        row_updates: next(),
+        cut_tests: next(),
+        search_ms: next(),
+        free_ms: next(),
+        columns_ms: next(),
+        corrections_ms: next(),
+        laws_ms: next(),
+        hand_over_ms: next(),
+        cut_ms: next(),
+        other_ms: next(),
     }
 }
 

@@ -96,6 +96,8 @@ pub struct CostReport {
     pub corrections_ms: Share,
     /// Contact laws, ms.
     pub laws_ms: Share,
+    /// Reduced contact problems for the haptic loop, ms.
+    pub hand_over_ms: Share,
     /// Cutting, ms.
     pub cut_ms: Share,
     /// The remainder: loads, acceptance of the step, probes, checks in f64, ms.

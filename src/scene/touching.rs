@@ -331,7 +331,7 @@ pub struct Device {
     /// Torque limit, N·m; infinite for the device's own.
     pub max_torque: f64,
     /// Largest distance of the end effector from the device's origin, m of the device; readings beyond it are invalid. Infinite for a tool
-    /// without a device.
+    /// without a device, whose trajectory may lead anywhere.
     pub workspace: f64,
     /// Position of the device's origin in the scene, m.
     pub position: [f64; 3],

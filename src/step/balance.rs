@@ -69,7 +69,8 @@ impl Simulation {
             away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
             (nearest, idle) = if away < NEARER * nearest { (away, 0) } else { (nearest, idle + 1) };
         }
-        let (at, time, fix) = (self.scene.at(STEP), self.time, refused::mends_balance(&report.warnings));
+        let fix = refused::mends_balance(&report.warnings, self.single || self.gpu.is_some());
+        let (at, time) = (self.scene.at(STEP), self.time);
         Err(Refused::NoBalance { at, time, iterations: solves, left: away, tolerance, fix }.into())
     }
 

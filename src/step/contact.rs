@@ -192,7 +192,9 @@ impl Simulation {
             changed = add_up(&mut ended, &again);
         };
         self.move_tools(&problem, &lambda, report);
+        let clock = Instant::now();
         self.publish_reduced(&problem, &slips, &lambda);
+        report.costs.spend(Part::HandOver, clock);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
         let mut by_contact = problem.rows.by_contact(&lambda);
         let contact_forces = contacts.iter().zip(&by_contact).map(|(c, f)| (c.id(), c.in_world(*f))).collect();

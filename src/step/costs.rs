@@ -16,6 +16,8 @@ pub enum Part {
     Corrections,
     /// Contact laws on `W λ + δ`.
     Laws,
+    /// Reduced contact problems are made for the haptic loop.
+    HandOver,
     /// Edges are swept, links and springs cut.
     Cut,
     /// The remainder: loads, acceptance of the step, probes, checks in f64.

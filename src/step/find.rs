@@ -149,9 +149,9 @@ impl Simulation {
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm
         };
-        let count = found.len();
-        found.retain(explained);
-        report.warn("contacts_unexplained", (count - found.len()) as u32);
+        let dropped: Vec<Contact> = found.extract_if(.., |contact| !explained(contact)).collect();
+        report.warn("contacts_unexplained", dropped.len() as u32);
+        self.unexplained = dropped.iter().filter_map(|contact| self.sample_of(contact)).map(|s| (s.0, s.2)).collect();
         for contact in found {
             if let Some(sample) = self.sample_of(contact) {
                 let depth = self.depths.entry(sample).or_default();

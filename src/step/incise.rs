@@ -23,10 +23,16 @@ use crate::kernels::corner;
 use crate::kernels::cut::Hit;
 use crate::math::V3;
 use crate::mesh::{Carved, Face, MaterialPoint};
-use crate::scene::BodyId;
+use crate::scene::{self, BodyId};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Shift of what an edge has swept, in widths of a cell. A blade that is led through centres of cells (through nodes of springs), as in the
+/// plane of symmetry of a patch, would sever the links on either side of them, whichever their least motion decides: 44 in place of 40 in a
+/// cut of 11 mm on 25 × 25 cells, 54 in place of 37 where the skin is drawn, in a zigzag whose lips lock. No two components alike, for cuts
+/// aslant.
+const ASIDE: [f64; 3] = [0.01, 0.007, 0.0045];
 
 /// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
 pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
@@ -59,6 +65,8 @@ struct Piece {
     touches: bool,
     /// Motion of the skin that holds it, m, and whether it is inside; none for a piece that advances.
     sticking: Option<(DVec3, bool)>,
+    /// Is where no motion of it can have brought it.
+    unexplained: bool,
 }
 
 /// Point of the surface that a contact is on, m.
@@ -243,6 +251,7 @@ impl Simulation {
                     let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
                     (moved, matches!(contacts[k].law, Law::Cut { .. }))
                 }),
+                unexplained: self.unexplained.contains(&(number, index)),
             };
         }
         out
@@ -280,7 +289,7 @@ impl Simulation {
                 })
                 .collect();
             // sticking pieces sweep as well: a link that slips past one, moving unlike the skin at its contact, is behind the blade
-            for pair in ends.windows(2) {
+            for (pair, _) in ends.windows(2).zip(&pieces).filter(|(_, piece)| !piece.unexplained) {
                 let [a, b] = [pair[0], pair[1]];
                 quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
             }
@@ -289,7 +298,14 @@ impl Simulation {
         for number in 0..self.bodies.len() {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
-            let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
+            let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
+            let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
+            let mut hits =
+                body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
+            // cells and springs are removed whole: there the shifted hit says which of two
+            if matches!(self.scene.skins[number].cut, scene::Cut::Split { .. }) {
+                hits.iter_mut().for_each(|hit| body.move_back(hit, aside));
+            }
             self.sever(number, &hits, self.bodies[number].boxes.farthest(), report)?;
         }
         Ok(())
@@ -327,6 +343,18 @@ impl Simulation {
 }
 
 impl Body {
+    /// Moves a hit back along its link by the shift of the blade, as where the blade crosses it at a right angle in skin that has not turned:
+    /// elsewhere it stays off by about the shift. The lips' surface goes through it.
+    fn move_back(&self, hit: &mut Hit<f64>, aside: DVec3) {
+        let rest = |node: usize| DVec3::from_array(self.wound.rest[node]);
+        let centre = |cell: usize| self.wound.surface.corners_of(cell).map(rest).iter().sum::<DVec3>() * 0.125;
+        let [from, to] = self.wound.surface.ends_of_link(hit.segment as usize).map(centre);
+        let along = to - from;
+        if along != DVec3::ZERO {
+            hit.at = (hit.at - aside.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        }
+    }
+
     /// Cuts links or springs at these hits; returns how many were cut.
     ///
     /// # Errors

@@ -45,6 +45,7 @@ mod probes;
 mod refused;
 mod rows;
 mod state;
+mod warnings;
 
 pub use body::{Body, needs, start};
 pub use contact::{ContactPoint, ContactReport, PointKind};
@@ -52,6 +53,7 @@ pub use costs::{Costs, Part};
 pub use energy::{Booked, Measured};
 pub use refused::Refused;
 pub use state::State;
+pub use warnings::{WARNINGS, Warning, Warnings, warning};
 
 use crate::backend::{Device, Snapshot};
 use crate::bodies::Totals;
@@ -96,9 +98,6 @@ impl Platform {
         }
     }
 }
-
-/// Numerical trouble: counts by name.
-pub type Warnings = BTreeMap<&'static str, u32>;
 
 /// Result of a step.
 #[derive(Clone, Debug, Default)]
@@ -145,6 +144,7 @@ pub struct StepReport {
 impl StepReport {
     /// Counts trouble.
     fn warn(&mut self, name: &'static str, count: u32) {
+        debug_assert!(warning(name).is_some(), "{name} is in no row of `WARNINGS`");
         if count > 0 {
             *self.warnings.entry(name).or_default() += count;
         }
@@ -206,6 +206,8 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
+    /// Tool and sample of the contacts that the present step drops as unexplained: such a piece of edge cuts nothing.
+    unexplained: BTreeSet<(usize, usize)>,
     /// Sides of deformable bodies that tools were on at the last step.
     sides: sides::Sides,
     /// Force of each contact by its id, N.
@@ -272,6 +274,7 @@ impl Simulation {
             postponed: incise::Postponed::new(),
             fronts: incise::Fronts::new(),
             depths: BTreeMap::new(),
+            unexplained: BTreeSet::new(),
             sides: sides::Sides::new(),
             last_forces: BTreeMap::new(),
             swings: 0,

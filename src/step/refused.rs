@@ -97,12 +97,15 @@ pub enum Refused {
 /// Warnings that keep a static step from ending: its contact is open.
 pub(super) const OPEN: [&str; 2] = ["contact_not_converged", "contact_passes_exhausted"];
 
-/// What may bring a static step with these warnings into balance.
-pub(super) fn mends_balance(warnings: &Warnings) -> &'static str {
+/// What may bring a static step with these warnings, in f32 (`single`) or f64, into balance.
+pub(super) fn mends_balance(warnings: &Warnings, single: bool) -> &'static str {
     if warnings.contains_key("contacts_dropped") {
         "raise max_contacts of [contact], which has had contacts dropped"
     } else if OPEN.iter().any(|name| warnings.contains_key(name)) {
         "its contact is still open: raise max_passes of [contact], or hold what slides or turns away"
+    } else if single {
+        "take a larger tolerance, or f64 (`--backend cpu --precision f64`), since f32 may round to no less than that; \
+         in f64 too, take shorter steps, or hold what slides or turns away"
     } else {
         "take shorter steps, hold what slides or turns away, or a larger tolerance"
     }

@@ -36,7 +36,7 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     costs.iterations.p99 costs.iterations.max costs.row_updates.mean costs.row_updates.p99 costs.row_updates.max costs.cut_tests.mean \
     costs.cut_tests.p99 costs.cut_tests.max costs.search_ms.mean costs.search_ms.p99 costs.search_ms.max costs.free_ms.mean \
     costs.free_ms.p99 costs.free_ms.max costs.columns_ms.mean costs.columns_ms.p99 costs.columns_ms.max costs.corrections_ms.mean \
-    costs.corrections_ms.p99 costs.corrections_ms.max costs.laws_ms.mean costs.laws_ms.p99 costs.laws_ms.max costs.cut_ms.mean \
+    costs.corrections_ms.p99 costs.corrections_ms.max costs.laws_ms.mean costs.laws_ms.p99 costs.laws_ms.max costs.hand_over_ms.mean costs.hand_over_ms.p99 costs.hand_over_ms.max costs.cut_ms.mean \
     costs.cut_ms.p99 costs.cut_ms.max costs.other_ms.mean costs.other_ms.p99 costs.other_ms.max \
     solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.newton_iterations_max solver.sums solver.refinements \
     solver.at_floor solver.residual_max solver.residual_true solver.law_residual energy_j.start energy_j.max energy_j.end energy_j.kinetic.start \

@@ -3,12 +3,14 @@
 //! `cargo bench --bench blade` judges as many paths as wanted by the same bounds.
 
 mod paths;
+mod thrown;
 
 use cutis::bodies::rigid::Instrument;
 use cutis::collide::sides::Last;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
 use cutis::constraints::Law;
 use cutis::mesh::Face;
+use cutis::report::Report;
 use cutis::scene::Filter;
 use cutis::step::Platform;
 use glam::DVec3;
@@ -132,16 +134,19 @@ fn the_air_over_a_bent_lip_is_outside() {
     }
 }
 
-/// Runs paths and judges each.
-fn judged(kind: Kind, numbers: &[u64]) {
+/// Runs paths and judges each; the reports.
+fn judged(kind: Kind, numbers: &[u64]) -> Vec<Report> {
     let out = std::env::temp_dir().join(format!("cutis_blade_{kind:?}_{}", std::process::id()));
-    for number in numbers {
+    let judge = |number: &u64| {
         let case = Case::new(kind, *number);
         let report = case.run(Platform::Cpu64, &out).unwrap_or_else(|e| panic!("{}: {e}", case.name));
         let faults = case.faults(&report);
         assert!(faults.is_empty(), "{}: {faults:?}", case.name);
-    }
+        report
+    };
+    let reports = numbers.iter().map(judge).collect();
     drop(std::fs::remove_dir_all(&out));
+    reports
 }
 
 #[test]
@@ -160,12 +165,28 @@ fn random_paths_do_not_throw_the_blade() {
 }
 
 #[test]
+fn two_blades_whose_cuts_cross_are_not_thrown() {
+    judged(Kind::Crossing, &[13]);
+}
+
+#[test]
+fn a_blade_along_one_line_20_times_cuts_it_once() {
+    judged(Kind::Again, &[6]);
+}
+
+#[test]
+fn a_piece_cut_free_all_round_falls() {
+    let report = judged(Kind::Piece, &[9]).remove(0);
+    assert_eq!(report.cut.pieces, Some(2), "{} links", report.cut.links_severed);
+}
+
+#[test]
 fn a_blade_that_is_thrown_is_noticed() {
     let case = Case::new(Kind::Straight, 2);
-    let mut report = cutis::report::Report::default();
+    let mut report = Report::default();
     report.cut.links_severed = case.links_on_the_path(0.0);
     assert!(case.faults(&report).is_empty(), "{:?}", case.faults(&report));
-    let thrown = |change: &dyn Fn(&mut cutis::report::Report)| {
+    let thrown = |change: &dyn Fn(&mut Report)| {
         let mut report = report.clone();
         change(&mut report);
         assert_eq!(case.faults(&report).len(), 1, "{:?}", case.faults(&report));
@@ -175,4 +196,27 @@ fn a_blade_that_is_thrown_is_noticed() {
     thrown(&|r| r.contact.depth_mm_max = 12.5);
     thrown(&|r| r.cut.links_severed += 70);
     thrown(&|r| *r.warnings.entry("step_retried".into()).or_default() += 1);
+}
+
+#[test]
+fn wild_paths_that_sever_far_too_much_or_nothing_are_noticed() {
+    let case = Case::new(Kind::Any, 2);
+    let mut report = Report::default();
+    let path = case.links_on_the_path(0.0);
+    for (severed, count) in [(path, 0), (2 * path, 1), (0, 1)] {
+        report.cut.links_severed = severed;
+        assert_eq!(case.faults(&report).len(), count, "{severed} of {path}: {:?}", case.faults(&report));
+    }
+}
+
+#[test]
+fn a_piece_that_parts_and_does_not_fall_is_noticed() {
+    let case = Case::new(Kind::Piece, 9);
+    let mut report = Report::default();
+    let probe = case.scene.probes[0].name.clone();
+    for (pieces, risen, count) in [(1, 0.0, 0), (2, -1e-2, 0), (2, -1e-3, 1), (2, f64::NAN, 1)] {
+        report.cut.pieces = Some(pieces);
+        report.probes.insert(probe.clone(), risen);
+        assert_eq!(case.faults(&report).len(), count, "{pieces} pieces, {risen} m: {:?}", case.faults(&report));
+    }
 }

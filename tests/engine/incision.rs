@@ -293,3 +293,34 @@ fn a_blade_goes_on_where_the_reserve_is_used_up() {
     assert!((mass(&state.dofs) / mass(&body.model.dofs) - 1.0).abs() < 1e-12);
     assert!(state.u.as_flattened().iter().chain(state.v.as_flattened()).all(|c| c.is_finite()));
 }
+
+/// Links severed by a straight cut at `y`, m, on 13 × 13 cells, whose middle row has its centres at 0.
+fn straight(y: f64) -> u32 {
+    let mut scene = incision();
+    scene.skins[0].cells = [13, 13];
+    let pose = |(time, x, z): (f64, f64, f64)| Pose { time, position: [x, y, z], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let way = [(0.0, 7.0, 17.8), (0.3, 7.2, 14.9), (0.75, 16.5, 15.0), (0.8, 17.0, 15.0), (1.0, 17.2, 19.0)];
+    scene.tools[0].trajectory = way.map(|(time, x, z)| pose((time, 1e-3 * x, 1e-3 * z))).to_vec();
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
+    (0..200).map(|_| simulation.step(false).expect("the CPU path has no device to fail").severed).sum()
+}
+
+/// Which side the links of a row are severed on is a tie that the least motion of the skin would decide, in a zigzag.
+#[test]
+fn a_cut_through_the_centres_of_a_row_of_cells_stays_on_one_side_of_them() {
+    let [through, beside] = [0.0, 5e-5].map(straight);
+    assert_eq!(through, beside, "links");
+    assert!((18..26).contains(&through), "{through} links for 11 mm");
+}
+
+/// A blade that is put a millimetre under the skin between two steps, as no motion of it could: what it then is in bears no force, and is not
+/// cut by it.
+#[test]
+fn a_blade_that_came_through_no_surface_neither_presses_nor_cuts() {
+    let [mut put, mut left] = [(); 2].map(|()| run(&pressed(-1e-4), 2).0);
+    put.tools[0].position.z -= 1.1e-3;
+    let [put, left] = [&mut put, &mut left].map(|s| s.step(false).expect("the CPU path has no device to fail"));
+    assert!(put.warnings.contains_key("contacts_unexplained"), "{:?}", put.warnings);
+    assert!(force(&put).length() < 1e-5 && put.severed == 0, "{} N, {} links", force(&put), put.severed);
+    assert!(left.warnings.is_empty(), "the counter-test: {:?}", left.warnings);
+}

@@ -1,6 +1,7 @@
 //! Static steps of bodies that contacts or ties to other bodies alone hold: they bear the weight, and what has no balance is refused.
 
 use cutis::error::Result;
+use cutis::report::run::{Options, run};
 use cutis::scene::{BodyId, Files, Scene, parse};
 use cutis::step::{Platform, Simulation, StepReport};
 use std::path::Path;
@@ -111,6 +112,40 @@ to = "base"
     println!("force {force} N, weight {WEIGHT} N, {down:e} m down");
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     assert!((force.z / WEIGHT - 1.0).abs() < 1e-3 && (0.0..1e-4).contains(&down), "{force} N, {down:e} m");
+}
+
+/// One linear solve for a load as large as the modulus is no balance, however long the step; static steps and short ones are.
+#[test]
+fn a_step_far_beyond_its_linearisation_says_so() {
+    let pressed = |integrator: &str, step_ms: &str, duration_s: &str| {
+        let text = BLOCK.replace("corotational", "neo_hookean").replace("\"static\"", integrator);
+        let text = text.replace("step_ms = 5.0", step_ms).replace("duration_s = 0.005", duration_s);
+        let text = format!("{text}[[boundary]]\nregion = \"bottom\"\n[[load]]\npressure_kpa = 4.0\nregion = \"top\"\n");
+        let scene = parse(&text, Path::new("pressed.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("engine_pressed");
+        let report =
+            run(&scene, &Options::new(Platform::Cpu64, &out), &mut |_| {}).unwrap_or_else(|e| panic!("{e}")).report;
+        println!("{integrator} {step_ms}: {:?} of the law, {:?}", report.solver.law_residual, report.warnings);
+        assert!(report.solver.residual_true.is_some_and(|left| left < 1e-3), "the linear solve itself is done");
+        report.warnings.get("step_beyond_linearisation").copied()
+    };
+    assert_eq!(pressed("\"implicit_euler\"", "step_ms = 1000000.0", "duration_s = 1000.0"), Some(1));
+    assert_eq!(pressed("\"static\"", "step_ms = 1000000.0", "duration_s = 1000.0"), None);
+    assert_eq!(
+        pressed("\"implicit_euler\"", "step_ms = 2.0", "duration_s = 0.1"),
+        None,
+        "whatever its first steps leave"
+    );
+}
+
+#[test]
+fn a_static_tolerance_beyond_f32_is_refused_as_such() {
+    let mut scene = scene("[[boundary]]\nregion = \"bottom\"\n");
+    scene.solver.tolerance = 1e-10;
+    let ends = |platform: &Platform| Simulation::new(&scene, platform).and_then(|mut s| s.step(true)).map(|_| ());
+    let said = ends(&Platform::Cpu32).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.contains("f32 may round to no less than that"), "{said}");
+    assert!(ends(&Platform::Cpu64).is_ok(), "f64 reaches it");
 }
 
 #[test]

@@ -277,6 +277,21 @@ fn results_ask_no_function_of_the_system() {
     assert_eq!(not_repeated("a", "let y = x.hypot(z);\nf(f64::sin);\nuse std::f64::consts::PI;\n").len(), 2);
 }
 
+/// Hash maps differ from run to run in the order of their entries.
+#[test]
+fn results_know_no_hash_map() {
+    let files = tracked();
+    // ids and names that are looked up
+    let others =
+        ["src/report/glb.rs", "src/report/mesh.rs", "src/formats/msh.rs", "src/formats/stl.rs", "src/gpu/device.rs"];
+    let hashes =
+        |text: &str| without_tests(text).lines().any(|l| code(l).contains("HashMap") || code(l).contains("HashSet"));
+    let sources = in_folder(&files, &["src/", "kernels/"]).filter(|f| f.ends_with(".rs"));
+    let wrong: Vec<String> = sources.filter(|f| !others.contains(&f.as_str()) && hashes(&read(f))).cloned().collect();
+    report("take a BTreeMap", &wrong);
+    assert!(others.iter().all(|f| hashes(&read(f))) && hashes("use std::collections::HashSet;\n"));
+}
+
 /// Lines outside `bodies` that look into what a deformable body is made of.
 fn kinds_told_apart(file: &str, text: &str) -> Vec<String> {
     let words = [".grid", ".springs", "Kind::Springs", "Kind::Hexahedra", "hexahedra()", "springs()"];

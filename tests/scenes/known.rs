@@ -50,12 +50,12 @@ fn wrong_constants_miss_every_bound() {
     }
 }
 
-/// Static steps of slender beams and at ν 0.4999: f32 leaves 7e-5 and 2e-3 of the forces, more than they may end with, and the page says so.
-const BEYOND_SINGLE: [&str; 3] = ["cantilever", "elastica", "panel"];
+/// Static steps of the elastica and at ν 0.4999: f32 leaves 1e-3 and 2e-3 of the forces, more than they may end with, and the page says so.
+const BEYOND_SINGLE: [&str; 3] = ["elastica, P L²/EI = 2", "sheared panel, ν 0.4999", "Cook's membrane, ν 0.4999"];
 
 #[test]
 fn f32_meets_the_bounds_that_are_stated_for_it() {
-    for case in quick().filter(|case| !BEYOND_SINGLE.contains(&case.scene)) {
+    for case in quick().filter(|case| !BEYOND_SINGLE.contains(&case.name)) {
         let scene = case.scene().unwrap_or_else(|e| panic!("{e}"));
         let row = case.run(&scene, &Platform::Cpu32);
         assert!(row.holds(), "{}", words(&row));

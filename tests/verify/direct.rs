@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
-use super::setup::{LONG, Random, apart, displaced, measured, model};
+use super::setup::{Random, apart, displaced, measured, model};
 use cutis::backend::{FREE, Needs, SolveRequest, Target, on_cpu};
 use cutis::bodies::grid::direct::{Direct, Pattern};
 use cutis::bodies::{Model, Refused, Removal};
@@ -225,8 +225,8 @@ fn no_solution() {
         assert!(matches!(found, Err(Error::Body(Refused::NotPositive { .. }))), "seed {seed}: {found:?}");
     }
     // counter-test: held at the bottom, nearly incompressible, in layers of very different stiffness, inertia next to nothing
-    let mut hard = super::setup::scene("verify/skin_block_0499.toml");
-    (hard.time.step, hard.solver.preconditioner) = (LONG, Preconditioner::Direct);
+    let mut hard = super::setup::in_long_steps("verify/skin_block_0499.toml");
+    hard.solver.preconditioner = Preconditioner::Direct;
     let hard = model(&hard);
     let whole = vec![[0.0, 0.0, 0.0, 1.0]; hard.grid.cell_count()];
     Direct::new(&hard).expect("direct").factor(&whole, &hard.dofs).expect("the bottom is held");

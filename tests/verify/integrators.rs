@@ -5,7 +5,7 @@
 //! modulus, `k = M_o A/t` (and the stiffness of the rest-shape springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
 
 use super::setup::{
-    Body, Random, apart as far, block, displaced, dot, epsilon, measured, model, scene, tolerance, xyz,
+    Body, Random, apart as far, block, displaced, dot, epsilon, in_long_steps, measured, model, tolerance, xyz,
 };
 use super::skin_block::{Grid, on_grid, static_answer};
 use super::small::held;
@@ -479,7 +479,7 @@ fn release(model: &Model, start: &Snapshot, integrator: Integrator, steps: u32) 
 }
 
 fn released() {
-    let mut scene = on_grid(scene("verify/skin_block_045.toml"), Grid::Coarse, Bbar);
+    let mut scene = on_grid(in_long_steps("verify/skin_block_045.toml"), Grid::Coarse, Bbar);
     scene.time.gravity = [0.0; 3];
     let (mut model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
     (model.step.rayleigh_mass, model.step.rayleigh_stiffness) = (0.0, 0.0);

@@ -1,6 +1,6 @@
 //! Multigrid: how many iterations it takes, on every grid, under rotations and cuts, on every platform; and what makes it fail.
 
-use super::setup::{Body, apart, displaced, measured, model, scene};
+use super::setup::{Body, apart, displaced, in_long_steps, measured, model, scene};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
 use cutis::bodies::grid::levels::largest;
@@ -14,13 +14,14 @@ use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
 use cutis::linear::{Outcome, SolverVectors, solve};
 use cutis::math::V4;
-use cutis::scene::{Load, Preconditioner, Scene};
-use cutis::step::Platform;
+use cutis::scene::{Load, LoadKind, Preconditioner, Scene};
+use cutis::step::{Platform, Simulation};
 use std::sync::atomic::AtomicBool;
 
 pub const CASES: &[Case] = &[
     ("multigrid_takes_as_few_iterations_on_every_grid", table),
     ("odd_grids_take_no_more", odd_grids),
+    ("iterations_at_50_kpa_do_not_grow_with_the_grid", at_50_kpa),
     ("rotations_and_a_slot_cost_little", rotations_and_slot),
     ("a_ragged_wound_costs_nothing", ragged_wound),
     ("a_wrong_bound_of_the_smoother_is_found_out", wrong_bound),
@@ -36,7 +37,7 @@ const THICK: [u32; 3] = [10, 10, 3];
 
 /// A press on the skin block at a step of 10 ms, Rayleigh stiffness 0.01 s.
 pub fn press(across: u32, levels: [u32; 3], poisson: f64) -> Scene {
-    let mut scene = scene("verify/skin_block_045.toml");
+    let mut scene = in_long_steps("verify/skin_block_045.toml");
     scene.skins[0].cells = [across, across];
     for (layer, cells) in scene.skins[0].layers.iter_mut().zip(levels) {
         (layer.cells, layer.poisson) = (cells, poisson);
@@ -236,6 +237,59 @@ fn odd_grids() {
         let found = iterations(&press(across, THIN, 0.45), at_rest);
         shown(&format!("{across}²×5 ν 0.45"), found, even);
         assert!(found[0] <= even[0] + 2 && found[1] <= even[1] + 2, "{across}²: {found:?}, 16²: {even:?}");
+    }
+}
+
+/// Mean and largest number of iterations of ten steps of 5 ms to 1e-3: the neo-Hookean block, undamped, from rest under 50 kPa.
+fn over_ten_steps(across: u32, levels: [u32; 3], poisson: f64, preconditioner: Preconditioner) -> [f64; 2] {
+    const STEPS: u32 = 10;
+    let mut scene = in_long_steps("verify/skin_block_neo_045.toml");
+    scene.time.step = 5e-3;
+    scene.time.duration = f64::from(STEPS) * scene.time.step;
+    (scene.solver.tolerance, scene.solver.preconditioner) = (1e-3, preconditioner);
+    scene.loads[0].kind = LoadKind::Pressure { pressure: 50e3, follower: false };
+    scene.skins[0].cells = [across; 2];
+    for (layer, cells) in scene.skins[0].layers.iter_mut().zip(levels) {
+        (layer.cells, layer.poisson) = (cells, poisson);
+    }
+    let mut run = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let counts: Vec<f64> = (0..STEPS)
+        .map(|_| {
+            let report = run.step(false).unwrap_or_else(|e| panic!("{e}"));
+            assert!(report.free.converged, "{:?}", report.free);
+            f64::from(report.free.iterations)
+        })
+        .collect();
+    [counts.iter().sum::<f64>() / f64::from(STEPS), counts.into_iter().fold(0.0, f64::max)]
+}
+
+/// Spread of the means and of the largest numbers over grids: measured 0.1 and 1.
+const GROWS: [f64; 2] = [0.5, 2.0];
+
+fn at_50_kpa() {
+    let grids = [(20, THIN), (40, [4, 3, 1]), (64, [4, 3, 1])];
+    for poisson in [0.45, 0.49] {
+        let spread = |grids: &[(u32, [u32; 3])], preconditioner| {
+            let found = grids.iter().map(|(across, levels)| over_ten_steps(*across, *levels, poisson, preconditioner));
+            let found: Vec<[f64; 2]> = found.collect();
+            for ((across, _), [mean, most]) in grids.iter().zip(&found) {
+                measured(
+                    &format!("{preconditioner:?}, {across}² at 50 kPa, ν {poisson}: mean of iterations"),
+                    *mean,
+                    0.0,
+                );
+                measured("the most", *most, 0.0);
+            }
+            [0, 1].map(|n| {
+                let of = |pick: fn(f64, f64) -> f64, from| found.iter().map(|counts| counts[n]).fold(from, pick);
+                of(f64::max, 0.0) - of(f64::min, f64::INFINITY)
+            })
+        };
+        let found = spread(&grids, Preconditioner::Multigrid);
+        assert!(found[0] <= GROWS[0] && found[1] <= GROWS[1], "ν {poisson}: {found:?}");
+        // counter-test
+        let found = spread(&grids[..2], Preconditioner::Column);
+        assert!(found[0] > 10.0 * GROWS[0] && found[1] > 10.0 * GROWS[1], "columns alone, ν {poisson}: {found:?}");
     }
 }
 

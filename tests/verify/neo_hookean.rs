@@ -1,7 +1,7 @@
 //! Neo-Hookean hexahedra: patch test, large strain in closed form, Newton's convergence, the skin block's converged reference, and how far
 //! the corotational default is from them.
 
-use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured, model, scene, xyz};
+use super::setup::{Body, LONG, Random, add, block, displaced, in_long_steps, largest, measured, model, xyz};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
 use super::small::held;
 use super::{Case, Everywhere};
@@ -292,7 +292,7 @@ fn start_inside_out(platform: &Platform) {
 /// Displacement of the skin block's centre under 50 kPa, m, after so many steps of 1000 s, as a body that may be touched or by Newton's
 /// method; NaN where a step fails.
 fn centre_at_50_kpa(file: &str, touched: bool, stiffened: bool, steps: u32) -> f64 {
-    let mut scene = on_grid(scene(file), Grid::Coarse, Bbar);
+    let mut scene = on_grid(in_long_steps(file), Grid::Coarse, Bbar);
     scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
     scene.time.gravity = [0.0; 3];
     scene.loads[0].kind = LoadKind::Pressure { pressure: 50e3, follower: false };
@@ -356,7 +356,7 @@ const BOUND: f64 = 0.03;
 
 /// A skin block of that law on a grid, static.
 fn answer(platform: &Platform, file: &str, grid: Grid, law: Law) -> (Model, Vec<[f64; 4]>) {
-    let mut scene = on_grid(scene(file), grid, Bbar);
+    let mut scene = on_grid(in_long_steps(file), grid, Bbar);
     (scene.skins[0].law, scene.solver.newton) = (law, true);
     static_answer(platform, &scene, tight(platform).max(1e-6))
 }
@@ -395,8 +395,8 @@ fn distance() {
     let mut found = vec![];
     for (pressure, wanted) in [(1e3, [1.7, 0.9]), (10e3, [13.7, 4.2]), (50e3, [174.3, 23.3])] {
         let centre = |law| {
-            let mut scene = on_grid(scene("verify/skin_block_neo_045.toml"), Grid::Coarse, Bbar);
-            (scene.skins[0].law, scene.time.gravity) = (law, [0.0; 3]);
+            let mut scene = on_grid(in_long_steps("verify/skin_block_neo_045.toml"), Grid::Coarse, Bbar);
+            (scene.skins[0].law, scene.solver.newton, scene.time.gravity) = (law, true, [0.0; 3]);
             scene.loads[0].kind = LoadKind::Pressure { pressure, follower: false };
             let model = model(&scene);
             let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-8);

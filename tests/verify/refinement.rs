@@ -1,9 +1,9 @@
 //! Iterative refinement: f32 with a residual from f64 against the same step in f64.
 //!
-//! One static step of the skin block: the hardest shipped system, since stiffness stands alone (no inertia beside it).
+//! One solve for the balance of the skin block: the hardest shipped system, since stiffness stands alone (no inertia beside it).
 
 use super::Everywhere;
-use super::setup::{apart, measured, scene};
+use super::setup::{apart, in_long_steps, measured};
 use cutis::math::V4;
 use cutis::scene::Scene;
 use cutis::step::{Platform, Simulation, StepReport};
@@ -11,7 +11,7 @@ use cutis::step::{Platform, Simulation, StepReport};
 pub const EVERYWHERE: &[Everywhere] = &[("refinement_reaches_what_single_precision_misses", reaches)];
 
 fn block(tolerance: f64, refinements: u32) -> Scene {
-    let mut scene = scene("verify/skin_block_0499.toml");
+    let mut scene = in_long_steps("verify/skin_block_0499.toml");
     (scene.solver.tolerance, scene.solver.refinements) = (tolerance, refinements);
     scene
 }

@@ -3,7 +3,7 @@
 //! References: quadratic hexahedra, exact solves, ν 0.45, no gravity, traction of 10 kPa released at t = 0 from u₀ = −190.82 µm. Compared as
 //! u/u₀, each grid with its own u₀: on hexahedra of this size the shapes differ by less than the bound.
 
-use super::setup::{Body, displaced, measured, scene};
+use super::setup::{Body, displaced, in_long_steps, measured};
 use super::skin_block::{Grid, on_grid, static_answer};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
@@ -45,7 +45,7 @@ fn shares(platform: &Platform, grid: Grid, row: &Row, solver_tolerance: f64) -> 
 }
 
 fn shares_by(integrator: Integrator, platform: &Platform, grid: Grid, row: &Row, solver_tolerance: f64) -> Vec<f64> {
-    let mut scene = on_grid(scene("verify/skin_block_045.toml"), grid, Bbar);
+    let mut scene = on_grid(in_long_steps("verify/skin_block_045.toml"), grid, Bbar);
     scene.time.gravity = [0.0; 3];
     let tight = match platform {
         Platform::Cpu64 => 1e-8,

@@ -7,7 +7,7 @@ use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm, random};
-use cutis::scene::{Element, Law, Layer, Material, Preconditioner, Scene, Solver, read};
+use cutis::scene::{Element, Integrator, Law, Layer, Material, Preconditioner, Scene, Solver, read};
 use cutis::step::Platform;
 use std::path::Path;
 
@@ -88,6 +88,16 @@ pub fn pulled(platform: &Platform, material: Material, layer: &Layer, axis: usiz
 pub fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     read(&path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A static scene of the repository in steps of [`LONG`], undamped and by implicit Euler: each of its solves is one of the static balance.
+pub fn in_long_steps(name: &str) -> Scene {
+    let mut scene = scene(name);
+    assert_eq!(scene.time.integrator, Integrator::Static, "{name}");
+    (scene.time.integrator, scene.time.step, scene.time.duration) = (Integrator::ImplicitEuler, LONG, LONG);
+    let skin = &mut scene.skins[0];
+    (skin.rayleigh_mass, skin.rayleigh_stiffness) = (0.0, 0.0);
+    scene
 }
 
 /// The model of a scene.

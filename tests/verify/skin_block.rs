@@ -1,11 +1,11 @@
 //! The skin block and the confined column: layered static answers against converged and exact references.
 //!
 //! References of the block: quadratic hexahedra with discontinuous pressure, two refinements (three digits agree). What each element must give
-//! on the two grids was computed outside this project. One step of 1000 s is the static answer: implicit Euler is stable at any step, and
-//! inertia is then below rounding.
+//! on the two grids was computed outside this project. Solved in steps of 1000 s, in which inertia is below rounding; as static steps these
+//! scenes run in tests/scenes/scenes.rs.
 
 use super::Case;
-use super::setup::{Body, displaced, measured, model, scene};
+use super::setup::{Body, displaced, in_long_steps, measured, model};
 use cutis::bodies::Model;
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
 use cutis::scene::{Law, Scene};
@@ -101,7 +101,7 @@ pub fn volume_change(model: &Model, u: &[[f64; 4]]) -> f64 {
 
 fn block_case(which: usize, grid: Grid) {
     let reference = &REFERENCES[which];
-    let scene = on_grid(scene(reference.file), grid, Bbar);
+    let scene = on_grid(in_long_steps(reference.file), grid, Bbar);
     let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
     // share of the centre displacement that its own and the other points' errors may have
     let (centre_bound, point_bound) = match grid {
@@ -152,7 +152,7 @@ fn own_errors(grid: Grid) {
     let table = tabulated(grid);
     for (row, (element, errors)) in table.iter().enumerate() {
         for (which, (reference, wanted)) in REFERENCES.iter().zip(errors).enumerate() {
-            let mut scene = on_grid(scene(reference.file), grid, *element);
+            let mut scene = on_grid(in_long_steps(reference.file), grid, *element);
             scene.time.gravity = [0.0; 3];
             let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
             let found = u[model.grid.nearest(POINTS[0])][2];
@@ -194,7 +194,9 @@ fn oedometer(scene: &Scene, compression: f64) -> f64 {
 
 fn confined_column() {
     for (file, tabulated) in [("045", 9390.0), ("049", 42368.0)] {
-        let scene = scene(&format!("verify/confined_column_{file}.toml"));
+        // two solves and no static step: at ν 0.49 corotational cells leave this balance by what rounding grows to in a hundred
+        let mut scene = in_long_steps(&format!("verify/confined_column_{file}.toml"));
+        scene.solver.tolerance = 1e-9; // the file has what f32 can reach
         let exact = oedometer(&scene, 1e-4);
         assert!((exact - tabulated).abs() < 0.5, "{exact} Pa, tabulated {tabulated}");
         for (element, corotational) in

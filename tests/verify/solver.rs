@@ -2,7 +2,7 @@
 
 use super::Case;
 use super::dense::{Dense, hold_some, multiply, small};
-use super::setup::{Body, Random, block, displaced, measured, model, scene};
+use super::setup::{Body, Random, block, displaced, in_long_steps, measured, model};
 use cutis::bodies::Model;
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
@@ -168,7 +168,8 @@ fn too_few() {
 }
 
 fn warned() {
-    let mut scene = scene("verify/skin_block_045.toml");
+    let mut scene = in_long_steps("verify/skin_block_045.toml");
+    scene.solver.tolerance = 1e-8;
     for (cap, count) in [(5, 1), (5000, 0)] {
         scene.solver.max_iterations = cap;
         let mut run = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));

@@ -1,7 +1,7 @@
 //! Tetrahedra in a grid's cells: locking, patch test, forces against energies, rotation.
 
 use super::Case;
-use super::setup::{Body, Random, block, displaced, measured, model, scene, times};
+use super::setup::{Body, Random, block, displaced, in_long_steps, measured, model, times};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer};
 use cutis::bodies::tetrahedra::operator::{Arrays, For};
 use cutis::bodies::{Kind, Model, Wound};
@@ -46,7 +46,7 @@ fn own_errors() {
         .zip(errors)
         .map(|((file, reference), wanted)| ((file, wanted), *reference))
         {
-            let mut scene = on_grid(scene(file), Grid::Coarse, element);
+            let mut scene = on_grid(in_long_steps(file), Grid::Coarse, element);
             scene.solver.preconditioner = Preconditioner::Block;
             scene.solver.max_iterations = 20_000;
             let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-6);
@@ -238,7 +238,7 @@ fn points_of_the_block() -> Vec<[f64; 3]> {
 
 /// Strain and stress at the points, of the linear skin block at ν 0.49.
 fn at_points(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
-    let mut scene = on_grid(scene("verify/skin_block_049.toml"), grid, element);
+    let mut scene = on_grid(in_long_steps("verify/skin_block_049.toml"), grid, element);
     if element == Tetra {
         (scene.solver.preconditioner, scene.solver.max_iterations) = (Preconditioner::Block, 20_000);
     }
@@ -255,7 +255,7 @@ fn at_points(grid: Grid, element: Element) -> Vec<[M3<f64>; 2]> {
 /// square of the differences, relative. (Strains of the tetrahedra's own gradients, which these are not: 38 and 18 %.)
 fn converging() {
     let wanted = at_points(Grid::Fine, Element::Bbar);
-    let layers = scene("verify/skin_block_049.toml").skins[0].layers.clone();
+    let layers = in_long_steps("verify/skin_block_049.toml").skins[0].layers.clone();
     let errors = |grid| {
         let found = at_points(grid, Tetra);
         let (mut sums, mut sizes) = ([0.0; 3], [0.0; 3]);
@@ -475,7 +475,7 @@ fn turned() {
 
 /// Displacement of the skin block's centre under a pressure, m, after so many steps of one linear solve, and how much of it the last one moved.
 fn large_centre(file: &str, element: Element, pressure: f64, steps: u32) -> [f64; 2] {
-    let mut scene = on_grid(scene(file), Grid::Coarse, element);
+    let mut scene = on_grid(in_long_steps(file), Grid::Coarse, element);
     scene.skins[0].law = Law::LargeTetra { material: Material::NeoHookean, element };
     (scene.solver.newton, scene.solver.preconditioner, scene.solver.max_iterations) =
         (false, Preconditioner::Block, 20_000);

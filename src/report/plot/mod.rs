@@ -295,13 +295,14 @@ fn report(folder: &Path) -> Result<Option<Value>> {
 
 /// Times of a step and of its parts.
 fn bars(folder: &Path, report: &Value) -> Result<Bars> {
-    const PARTS: [(&str, &str); 8] = [
+    const PARTS: [(&str, &str); 9] = [
         ("/step_ms", "whole step"),
         ("/costs/search_ms", "search"),
         ("/costs/free_ms", "free motion"),
         ("/costs/columns_ms", "columns"),
         ("/costs/corrections_ms", "corrections"),
         ("/costs/laws_ms", "laws"),
+        ("/costs/hand_over_ms", "hand-over"),
         ("/costs/cut_ms", "cut"),
         ("/costs/other_ms", "other"),
     ];

@@ -7,7 +7,7 @@
 //!
 //! In f32 (CPU path or GPU) solves stop at [`SINGLE_TOLERANCE`] instead of the scene's tighter tolerance, and bounds are widened by
 //! [`SINGLE_BOUND`]. On a GPU, multigrid takes the place of a sparse factor.
-//! Static steps of slender beams and at ν 0.4999 are beyond f32: they end with 7e-5 and 2e-3 of the forces left, more than the
+//! Static steps of the elastica and at ν 0.4999 are beyond f32: they end with 1e-3 and 2e-3 of the forces left, more than the
 //! tolerance, and their rows say so.
 
 mod cases;
@@ -49,8 +49,6 @@ pub enum Change {
     Pressure(f64),
     /// Coefficient of friction.
     Friction(f64),
-    /// Integrator.
-    Integrator(Integrator),
     /// Last position of the first tool along z, m.
     ToolDown(f64),
 }
@@ -84,7 +82,6 @@ impl Change {
                 }
             }),
             Self::Friction(friction) => scene.contact.iter_mut().for_each(|contact| contact.friction = friction),
-            Self::Integrator(integrator) => scene.time.integrator = integrator,
             Self::ToolDown(z) => {
                 let last = scene.tools.first_mut().and_then(|tool| tool.trajectory.last_mut());
                 last.into_iter().for_each(|pose| pose.position[2] = z);

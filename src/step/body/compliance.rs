@@ -209,7 +209,7 @@ impl Compliance {
             self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
         }
         if outcomes.iter().zip(&rhs_ids).any(|(outcome, rhs)| outcome.broken(limit(*rhs))) {
-            *report.warnings.entry("columns_not_converged").or_default() += 1;
+            report.warn("columns_not_converged", 1);
         }
         // store the blocks
         for (k, node) in batch.iter().enumerate() {
