@@ -270,22 +270,35 @@ fn cost_values(step: &StepReport) -> [f64; COSTS] {
 
 /// Report of the values of [`cost_values`].
 fn costs(series: &[Series; COSTS]) -> CostReport {
-    let mut shares = series.iter().map(Series::share);
-    let mut next = || shares.next().unwrap_or_default();
+    let [
+        columns,
+        passes,
+        iterations,
+        row_updates,
+        cut_tests,
+        search_ms,
+        free_ms,
+        columns_ms,
+        corrections_ms,
+        laws_ms,
+        hand_over_ms,
+        cut_ms,
+        other_ms,
+    ] = series.each_ref().map(Series::share);
     CostReport {
-        columns: next(),
-        passes: next(),
-        iterations: next(),
-        row_updates: next(),
-        cut_tests: next(),
-        search_ms: next(),
-        free_ms: next(),
-        columns_ms: next(),
-        corrections_ms: next(),
-        laws_ms: next(),
-        hand_over_ms: next(),
-        cut_ms: next(),
-        other_ms: next(),
+        columns,
+        passes,
+        iterations,
+        row_updates,
+        cut_tests,
+        search_ms,
+        free_ms,
+        columns_ms,
+        corrections_ms,
+        laws_ms,
+        hand_over_ms,
+        cut_ms,
+        other_ms,
     }
 }
 

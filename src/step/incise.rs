@@ -32,7 +32,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// plane of symmetry of a patch, would sever the links on either side of them, whichever their least motion decides: 44 in place of 40 in a
 /// cut of 11 mm on 25 × 25 cells, 54 in place of 37 where the skin is drawn, in a zigzag whose lips lock. No two components alike, for cuts
 /// aslant.
-const ASIDE: [f64; 3] = [0.01, 0.007, 0.0045];
+const ASIDE: DVec3 = DVec3::new(0.01, 0.007, 0.0045);
 
 /// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
 pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
@@ -298,7 +298,7 @@ impl Simulation {
         for number in 0..self.bodies.len() {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
-            let aside = DVec3::from_array(ASIDE) * body.model.cell_width();
+            let aside = ASIDE * body.model.cell_width();
             let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
             let mut hits =
                 body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
