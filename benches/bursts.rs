@@ -99,16 +99,16 @@ fn main() {
         ("sphere of 1 m".into(), Ok(large_sphere())),
     ];
     for file in ["scenes", "scenes/hard"].into_iter().flat_map(files) {
-        let name = file.strip_prefix(env!("CARGO_MANIFEST_DIR")).unwrap_or(&file).display().to_string();
-        scenes.push((name, read(&file)));
+        let name = file.strip_prefix(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")).unwrap_or(&file);
+        scenes.push((name.with_extension("").display().to_string(), read(&file)));
     }
     for (name, scene) in scenes {
+        if !words.is_empty() && !words.iter().any(|word| name.contains(word.as_str())) {
+            continue;
+        }
         let cells = |skin: &Skin| skin.cells[0] * skin.cells[1] * skin.layers.iter().map(|l| l.cells).sum::<u32>();
         if scene.as_ref().is_ok_and(|scene| scene.skins.iter().any(|skin| cells(skin) > CELLS)) {
             println!("| {name} | has more than {CELLS} cells |");
-            continue;
-        }
-        if !words.is_empty() && !words.iter().any(|word| name.contains(word.as_str())) {
             continue;
         }
         if let Err(error) = scene.and_then(|scene| row(&name, &scene)) {

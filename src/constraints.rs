@@ -3,7 +3,15 @@
 //! Each [`Law`] has one to three rows; the rows of all contacts follow each other in one list.
 //!
 //! [`relax`] runs plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates for any input and returns the best
-//! iterate: sweeps and Newton steps (`newton`) inside proximal steps (`proximal`, which states what is known of their convergence).
+//! iterate: sweeps and Newton steps inside proximal steps, `δ = W λ + δ_free + ε D (λ − λ_k)` with `D = diag W` for `λ_{k+1}` from `λ_k`.
+//!
+//! **What is proved.** Without friction and edges the laws are a convex problem, `min ½ λᵀWλ + δ_freeᵀλ` over a product of intervals. Where
+//! `W + ε D` is positive definite each step's problem is strongly convex, and sweeps converge on it linearly from any start (Luo, Tseng
+//! 1992). The steps converge to a solution if there is one, also when each is solved up to a summable error (Rockafellar 1976, theorem 1),
+//! by `ε d / (ε d + w)` per step in a mode of compliance `w`. With friction, whose discs depend on the forces, a solution exists where the
+//! tool is free to leave (Klarbring, Pang 1998), but no method is known to converge from any start (Acary, Brémond, Huber 2018 compare
+//! many). The same holds for an edge, whose force is no monotone function of the motion. In these cases the budget ends the solve, or that
+//! even `ε = 1` leads nowhere, and it returns the best iterate with its residual.
 //!
 //! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
 //! Differs: the rows of a friction disc are divided by their plane's largest compliance, not the mean, so that sticking always converges.
@@ -16,6 +24,7 @@ pub use law::Law;
 pub use proximal::{Effort, LooseTolerance, solve};
 
 use crate::math::elementary::hypot;
+use crate::math::wide::{Lanes, Task, Wide};
 use crate::math::{inner_product, larger};
 
 /// How a contact solve ended.
@@ -58,7 +67,7 @@ pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance
     debug_assert_eq!(force.len(), laws.iter().map(Law::rows).sum::<usize>(), "a force for each row of the laws");
     let floor = floor(w, force.len());
     for done in 0..max_sweeps {
-        let change = sweep(laws, w, free, force, floor);
+        let change = f64::widest(Sweep { laws, w, free, force, floor });
         let total: f64 = force.iter().map(|f| f.abs()).sum();
         if change <= tolerance * total {
             return done + 1;
@@ -83,23 +92,38 @@ fn of_rows(law: &Law, mut value: impl FnMut(usize) -> f64) -> [f64; 3] {
 }
 
 /// One sweep over all contacts in order; returns the largest change of a force, N.
-fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -> f64 {
-    let mut largest = 0.0f64;
-    for (first, law) in first_rows(laws) {
-        let c = scales(law, w, force.len(), first, floor);
-        for group in law.groups() {
-            // forces of earlier rows as this sweep has left them; unbounded forces of the group's rows
-            let mut forces = of_rows(law, |k| force[first + k]);
-            group.clone().for_each(|k| forces[k] = trial_force(w, free, force, first + k, c[k]));
-            let projected = law.project(forces);
-            for k in group.clone() {
-                let old = force[first + k];
-                force[first + k] = if law.under_relaxes(group) { 0.5 * (old + projected[k]) } else { projected[k] };
-                largest = largest.max((force[first + k] - old).abs());
+struct Sweep<'a> {
+    laws: &'a [Law],
+    w: &'a [f64],
+    free: &'a [f64],
+    force: &'a mut [f64],
+    floor: f64,
+}
+
+impl Task<f64> for Sweep<'_> {
+    type Output = f64;
+    #[inline(always)]
+    fn run<L: Lanes<f64>>(self, _: L) -> f64 {
+        let Self { laws, w, free, force, floor } = self;
+        let mut largest = 0.0f64;
+        for (first, law) in first_rows(laws) {
+            let c = scales(law, w, force.len(), first, floor);
+            for group in law.groups() {
+                // forces of earlier rows as this sweep has left them; unbounded forces of the group's rows
+                let mut forces = of_rows(law, |k| force[first + k]);
+                for k in group.clone() {
+                    forces[k] = trial_force(force[first + k], violation(w, free, force, first + k), c[k]);
+                }
+                let projected = law.project(forces);
+                for k in group.clone() {
+                    let old = force[first + k];
+                    force[first + k] = if law.under_relaxes(group) { 0.5 * (old + projected[k]) } else { projected[k] };
+                    largest = largest.max((force[first + k] - old).abs());
+                }
             }
         }
+        largest
     }
-    largest
 }
 
 /// Residual of the laws at `force`. Arguments as in [`solve`].
@@ -110,6 +134,7 @@ pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residua
 /// The same with the compliances `c` of the natural map scaled by a share; zero at the same forces.
 fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64) -> Residual {
     let floor = floor(w, force.len());
+    let violations = f64::widest(Violations { w, free, force });
     let mut found = Residual::default();
     for (first, law) in first_rows(laws) {
         let rows = law.rows();
@@ -117,7 +142,7 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
         // a constraint on a node that is held already is redundant, not dropped
         let unknown = (first..first + rows).any(|row| !w[row * (force.len() + 1)].is_finite());
         found.dropped += u32::from(unknown || !law.is_constraint() && c[..rows].contains(&0.0));
-        let projected = law.project(of_rows(law, |k| trial_force(w, free, force, first + k, c[k])));
+        let projected = law.project(of_rows(law, |k| trial_force(force[first + k], violations[first + k], c[k])));
         for k in 0..rows {
             let change = (force[first + k] - projected[k]).abs();
             found.force = larger(found.force, change);
@@ -129,9 +154,29 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
 }
 
 /// `δ` of a row, m.
+#[inline(always)]
 fn violation(w: &[f64], free: &[f64], force: &[f64], row: usize) -> f64 {
     let line = &w[row * force.len()..(row + 1) * force.len()];
     free[row] + inner_product(line, force)
+}
+
+/// `δ` of all rows, m.
+struct Violations<'a> {
+    w: &'a [f64],
+    free: &'a [f64],
+    force: &'a [f64],
+}
+
+impl Task<f64> for Violations<'_> {
+    type Output = Vec<f64>;
+    #[inline(always)]
+    fn run<L: Lanes<f64>>(self, _: L) -> Vec<f64> {
+        let mut out = vec![0.0; self.force.len()];
+        for (row, out) in out.iter_mut().enumerate() {
+            *out = violation(self.w, self.free, self.force, row);
+        }
+        out
+    }
 }
 
 /// Least diagonal entry of `W` that counts as compliance, m/N.
@@ -162,8 +207,9 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
 }
 
 /// Unbounded force of a row, N; 0 for a row without compliance.
-fn trial_force(w: &[f64], free: &[f64], force: &[f64], row: usize, scale: f64) -> f64 {
-    if scale > 0.0 { force[row] - violation(w, free, force, row) / scale } else { 0.0 }
+#[inline(always)]
+fn trial_force(force: f64, violation: f64, scale: f64) -> f64 {
+    if scale > 0.0 { force - violation / scale } else { 0.0 }
 }
 
 /// `clamp` that accepts any bounds and keeps NaN.

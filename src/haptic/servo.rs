@@ -27,6 +27,9 @@ const FRESH: f64 = 1.5;
 /// Number of simulation steps over which the skin's last motion is extrapolated: a problem is up to two steps old before the next one
 /// arrives, and a longer motion has been stopped by something.
 const MOST_STEPS: f64 = 2.0;
+/// Change of the force in a tick, beyond what the hand's motion in the last steps explains, that counts as a jump, N: that of a blade that is
+/// thrown through skin was 28 N, a straight cut has 0.1 N.
+const JUMP: f64 = 0.5;
 
 /// Buttons by role; bit k for button k.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -145,6 +148,10 @@ pub struct Servo {
     connected: bool,
     /// A force has been applied at least once.
     begun: bool,
+    /// Factor of ramp, fade and stop in the last tick.
+    gain: f64,
+    /// Way of the hand in the last steps, earlier ticks counting for less, m.
+    moved: f64,
     /// Times of the last tick and of the last valid reading, s.
     ticked: Option<f64>,
     valid_at: Option<f64>,
@@ -178,6 +185,8 @@ impl Servo {
             last: None,
             connected: false,
             begun: false,
+            gain: 0.0,
+            moved: 0.0,
             ticked: None,
             valid_at: None,
             non_finite: false,
@@ -223,6 +232,9 @@ impl Servo {
         let signs = Signs { lost, late, clutched };
         let gain = if self.settings.guarded { self.guard.update(signs, self.settings.tick) } else { 1.0 };
         self.begun |= gain > 0.0;
+        let whole = gain == 1.0 && self.gain == 1.0; // neither fades nor rises
+        self.gain = gain;
+        let hand_before = (self.hand.position, self.velocity);
         self.move_hand(reading, clutched || frozen || (self.begun && self.guard.stopped()));
         // rendering
         let cut = self.receive(problem, age);
@@ -242,6 +254,8 @@ impl Servo {
         self.count(problem, age, signs, clamped);
         let jump = (self.wrench.force - before).length();
         self.counts.jump_max = self.counts.jump_max.max(jump);
+        let explained = self.of_motion(hand_before);
+        self.counts.jumps += u64::from(whole && jump > JUMP + explained);
         if cut {
             self.counts.cut_jump = self.counts.cut_jump.max(jump);
         }
@@ -257,6 +271,14 @@ impl Servo {
             sweeps: self.rendered.sweeps,
             active: self.active,
         }
+    }
+
+    /// Largest change of the force that the hand's motion explains by the coupling, N: that of the last steps, which a problem answers.
+    fn of_motion(&mut self, (position, velocity): (DVec3, DVec3)) -> f64 {
+        let Settings { coupling: Coupling { stiffness, damping, .. }, force_scale, tick, step, .. } = self.settings;
+        let [moved, faster] = [self.hand.position - position, self.velocity - velocity].map(DVec3::length);
+        self.moved = moved + self.moved * (1.0 - tick / (MOST_STEPS * step)).max(0.0);
+        force_scale * (stiffness * self.moved + damping * faster)
     }
 
     /// The reading, or the last valid one if it is invalid, or `None` before the first; updates the observer with the hand's motion.
@@ -411,7 +433,9 @@ pub struct Counts {
     pub force_max: f64,
     /// Largest change of the force from one tick to the next, N.
     pub jump_max: f64,
-    /// The same at the arrival of a problem of a new epoch.
+    /// Ticks in which the force changed by more than half a newton beyond what the hand's motion explains, and did not fade or rise.
+    pub jumps: u64,
+    /// Largest change of the force at the arrival of a problem of a new epoch, N.
     pub cut_jump: f64,
     /// Maximum energy given to the hand, J.
     pub energy_out: f64,

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// First bytes of each checkpoint.
 const MAGIC: &[u8; 16] = b"cutis checkpoint";
 /// Format version; a program reads only the one that it writes.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// Bytes before the checkpoint itself.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 

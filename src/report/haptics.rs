@@ -131,9 +131,15 @@ pub(super) const LOST: &str = "device_lost";
 const LOST_SHARE: f64 = 0.5;
 
 /// Ticks of devices that were lost for most of the run.
-pub(super) fn lost(counted: &HapticCounts) -> u64 {
+fn lost(counted: &HapticCounts) -> u64 {
     let gone = counted.servos.iter().filter(|c| c.lost as f64 > LOST_SHARE * c.ticks as f64);
     gone.map(|c| c.lost).sum()
+}
+
+/// Warnings of the servos, with their counts.
+pub(super) fn warnings(counted: &HapticCounts) -> impl Iterator<Item = (&'static str, u64)> {
+    let jumps = counted.servos.iter().map(|c| c.jumps).sum();
+    [(LOST, lost(counted)), ("force_jumped", jumps)].into_iter().filter(|(_, count)| *count > 0)
 }
 
 /// Adds the timing.

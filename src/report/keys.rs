@@ -138,7 +138,7 @@ pub struct SolverReport {
     pub residual_max: f64,
     /// Largest relative residual of the steps that were checked in f64.
     pub residual_true: Option<f64>,
-    /// Largest share of a step's load that its linearisation of a hyperelastic law left, over the steps that were checked in f64. Near 1 skin
+    /// Largest share of a step's load that its linearisation of a hyperelastic or corotational law left, over the steps that were checked in f64. Near 1 skin
     /// creeps where it should spring: take shorter steps, `newton = true`, or a smaller ratio of Poisson.
     pub law_residual: Option<f64>,
 }

@@ -297,9 +297,8 @@ impl Running<'_> {
         let mut report = self.collector.report(&self.runner.simulation);
         let counted = self.runner.haptic();
         report.haptic = counted.as_ref().map(haptics::report).unwrap_or_default();
-        if let Some(ticks) = counted.as_ref().map(haptics::lost).filter(|ticks| *ticks > 0) {
-            report.warnings.insert(haptics::LOST.into(), ticks);
-        }
+        let warnings = counted.iter().flat_map(haptics::warnings);
+        report.warnings.extend(warnings.map(|(name, count)| (name.into(), count)));
         let names = self.scene.probes.iter().map(|p| p.name.clone());
         report.probes = names.zip(self.last.iter().copied()).collect();
         report

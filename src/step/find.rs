@@ -151,7 +151,7 @@ impl Simulation {
         };
         let dropped: Vec<Contact> = found.extract_if(.., |contact| !explained(contact)).collect();
         report.warn("contacts_unexplained", dropped.len() as u32);
-        self.unexplained = dropped.iter().filter_map(|contact| self.sample_of(contact)).map(|s| (s.0, s.2)).collect();
+        self.unexplained = dropped.iter().filter_map(|contact| self.sample_of(contact)).collect();
         for contact in found {
             if let Some(sample) = self.sample_of(contact) {
                 let depth = self.depths.entry(sample).or_default();

@@ -90,9 +90,7 @@ impl Simulation {
         report.contact.on_tool.clear();
         (report.contact.shortened, report.contact.residual_n, report.contact.residual_m) = (false, 0.0, 0.0);
         let mut contacts = std::mem::take(&mut report.contact.contacts);
-        let found = contacts.len();
         contacts.retain(is_finite_contact);
-        report.warn("contacts_dropped", (found - contacts.len()) as u32);
         let solved = self.solve(contacts, free, true, report)?;
         match self.non_finite_body(&solved) {
             Some(who) => Err(self.non_finite_body_error(who, TWICE)),

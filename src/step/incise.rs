@@ -65,8 +65,8 @@ struct Piece {
     touches: bool,
     /// Motion of the skin that holds it, m, and whether it is inside; none for a piece that advances.
     sticking: Option<(DVec3, bool)>,
-    /// Is where no motion of it can have brought it.
-    unexplained: bool,
+    /// Index of its sample in the tool's.
+    sample: usize,
 }
 
 /// Point of the surface that a contact is on, m.
@@ -251,7 +251,7 @@ impl Simulation {
                     let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
                     (moved, matches!(contacts[k].law, Law::Cut { .. }))
                 }),
-                unexplained: self.unexplained.contains(&(number, index)),
+                sample: index,
             };
         }
         out
@@ -264,8 +264,8 @@ impl Simulation {
         if !cuts {
             return Ok(());
         }
-        // quads that the pieces of each edge sweep
-        let mut quads = vec![];
+        // quads that the pieces of each edge sweep, with tool and sample
+        let mut quads: Vec<(usize, usize, [DVec3; 4])> = vec![];
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
             let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let pieces = self.pieces(number, old, contacts, report);
@@ -289,19 +289,21 @@ impl Simulation {
                 })
                 .collect();
             // sticking pieces sweep as well: a link that slips past one, moving unlike the skin at its contact, is behind the blade
-            for (pair, _) in ends.windows(2).zip(&pieces).filter(|(_, piece)| !piece.unexplained) {
+            for (pair, piece) in ends.windows(2).zip(&pieces) {
                 let [a, b] = [pair[0], pair[1]];
-                quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
+                quads.push((number, piece.sample, [a[0], b[0], b[1], a[1]]));
             }
         }
-        // cut the bodies
+        // cut the bodies, but not with pieces that are where no motion can have brought them
         for number in 0..self.bodies.len() {
             let body = &mut self.bodies[number];
             report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let aside = ASIDE * body.model.cell_width();
-            let moved = |corner: &[f64; 3]| (DVec3::from_array(*corner) + aside).to_array();
-            let mut hits =
-                body.read(Query { quads: quads.iter().map(moved).collect(), ..query(&self.probes, number) })?;
+            let explained =
+                quads.iter().filter(|(tool, sample, _)| !self.unexplained.contains(&(*tool, number, *sample)));
+            let moved =
+                explained.flat_map(|(_, _, corners)| corners.map(|corner| (corner + aside).to_array())).collect();
+            let mut hits = body.read(Query { quads: moved, ..query(&self.probes, number) })?;
             // cells and springs are removed whole: there the shifted hit says which of two
             if matches!(self.scene.skins[number].cut, scene::Cut::Split { .. }) {
                 hits.iter_mut().for_each(|hit| body.move_back(hit, aside));

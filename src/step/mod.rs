@@ -206,8 +206,8 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
-    /// Tool and sample of the contacts that the present step drops as unexplained: such a piece of edge cuts nothing.
-    unexplained: BTreeSet<(usize, usize)>,
+    /// Tool, body and sample of the contacts that the present step drops as unexplained: such a piece of edge cuts nothing of that body.
+    unexplained: BTreeSet<(usize, usize, usize)>,
     /// Sides of deformable bodies that tools were on at the last step.
     sides: sides::Sides,
     /// Force of each contact by its id, N.

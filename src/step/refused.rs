@@ -105,7 +105,7 @@ pub(super) fn mends_balance(warnings: &Warnings, single: bool) -> &'static str {
         "its contact is still open: raise max_passes of [contact], or hold what slides or turns away"
     } else if single {
         "take a larger tolerance, or f64 (`--backend cpu --precision f64`), since f32 may round to no less than that; \
-         in f64 too, take shorter steps, or hold what slides or turns away"
+         if it fails in f64 as well, take shorter steps, or hold what slides or turns away"
     } else {
         "take shorter steps, hold what slides or turns away, or a larger tolerance"
     }

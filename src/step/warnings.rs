@@ -47,6 +47,8 @@ warnings! {
         "mend the connection; without the device the hand's trajectory leads".
     energy_grew: "rises of the energy by more than the work that was done and a thousandth of both";
         "take a shorter `step_ms`, or `integrator = \"implicit_euler\"`".
+    force_jumped: "ticks in which the force on a hand changed by more than 0.5 N beyond what the hand's motion in the last steps explains by the coupling";
+        "take a shorter `step_ms`, or a softer coupling".
     held_apart: "ties of held or prescribed nodes that are open: neither side gives way";
         "leave the tie or the boundary out".
     held_overlap: "contacts of held or prescribed nodes that overlap by more than `alarm_mm`: neither side gives way";

@@ -411,9 +411,30 @@ fn sixty_four_points_with_friction_end_within_a_step() {
     }
 }
 
-/// What a solve may take beyond its budget: 20 sweeps that it has begun, and a Newton step with two diagonals and eight halvings each.
+/// What a solve of up to 600 rows may take beyond its budget: 20 sweeps that it has begun, and a Newton step with two diagonals and eight
+/// halvings each.
 fn beyond(rows: u64) -> u64 {
-    45 * rows + 2 * rows * rows / 3
+    45 * rows + 2 * (4 * rows + rows * rows / 3)
+}
+
+/// Nodes that are held, whose compliance is mostly common to them all, so that sweeps take long.
+fn held(nodes: usize) -> (Vec<Law>, Vec<f64>, Vec<f64>) {
+    let rows = 3 * nodes;
+    let w = (0..rows * rows).map(|n| if n % (rows + 1) == 0 { 1e-3 } else { 9e-4 }).collect();
+    let free = (0..rows).map(|row| 1e-4 * (row as f64).sin()).collect();
+    (vec![Law::Bilateral { rows: 3 }; nodes], w, free)
+}
+
+#[test]
+fn a_tied_side_is_eliminated_and_a_large_problem_keeps_its_budget() {
+    let ends = |(nodes, updates): (usize, u64)| {
+        let (laws, w, free) = held(nodes);
+        solve(&laws, &w, &free, &mut vec![0.0; free.len()], &Effort { updates, ..STEP })
+    };
+    let [tied, large, more] = [(198, 50_000), (300, 50_000), (300, 2_000_000)].map(ends);
+    assert!(tied.steps == 1, "an elimination takes 120,000 updates: {tied:?}");
+    assert!(large.steps == 0 && large.updates <= 50_000 + 23 * 900, "{large:?}");
+    assert!(more.converged && more.steps > 0, "the counter-test: {more:?}");
 }
 
 #[test]

@@ -323,4 +323,12 @@ fn a_blade_that_came_through_no_surface_neither_presses_nor_cuts() {
     assert!(put.warnings.contains_key("contacts_unexplained"), "{:?}", put.warnings);
     assert!(force(&put).length() < 1e-5 && put.severed == 0, "{} N, {} links", force(&put), put.severed);
     assert!(left.warnings.is_empty(), "the counter-test: {:?}", left.warnings);
+    // a blade may start inside, and then it cuts on
+    let mut inside = pressed(1e-3);
+    let path = &mut inside.tools[0].trajectory;
+    path.remove(0);
+    (path[0].time, path[1].time) = (0.0, 0.1);
+    path[1].position[0] += 2e-3;
+    let (_, cutting) = run(&inside, 20);
+    assert!(force(&cutting).length() > 1e-2, "the counter-test: {} N", force(&cutting));
 }

@@ -289,3 +289,19 @@ fn ticks_on_a_problem_from_before_a_cut_are_counted_and_the_jump_after_it() {
     assert_eq!(counts.stale, 5);
     assert!((counts.cut_jump - 0.5).abs() < 1e-6, "{}", counts.cut_jump);
 }
+
+#[test]
+fn a_force_that_jumps_while_the_hand_is_still_is_counted() {
+    let jumps = |gives_way: f64, hand_moves: f64| {
+        let mut rig = Rig::new(plain(spring(1000.0)));
+        rig.run(0.05, reading(DEPTH));
+        rig.problem.number = 7;
+        rig.problem.reduced.violation[0] = gives_way;
+        rig.run(0.005, reading(DEPTH + DVec3::Z * hand_moves));
+        (rig.servo.counts().jumps, rig.servo.counts().jump_max)
+    };
+    let thrown = jumps(0.7e-3, 0.0);
+    assert!(thrown.0 == 1 && thrown.1 > 0.65, "{thrown:?}");
+    assert_eq!(jumps(0.4e-3, 0.0).0, 0, "below what counts");
+    assert_eq!(jumps(0.0, 0.7e-3).0, 0, "the hand's own motion explains it");
+}

@@ -63,6 +63,15 @@ fn f32_meets_the_bounds_that_are_stated_for_it() {
 }
 
 #[test]
+fn f32_refuses_what_it_cannot_balance_and_says_why() {
+    for case in quick().filter(|case| BEYOND_SINGLE.contains(&case.name)) {
+        let scene = case.scene().unwrap_or_else(|e| panic!("{e}"));
+        let said = case.run(&scene, &Platform::Cpu32).found.expect_err("f32 leaves too much");
+        assert!(said.contains("f32 may round"), "{}: {said}", case.name);
+    }
+}
+
+#[test]
 fn the_files_have_every_row_and_its_figures() {
     let folder = std::env::temp_dir().join(format!("cutis-known-{}", std::process::id()));
     let mut listing = open(&folder).unwrap_or_else(|e| panic!("{e}"));

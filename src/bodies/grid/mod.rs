@@ -262,6 +262,24 @@ impl Hexahedra {
         }
         rotation
     }
+
+    /// Whether its cells turn with the skin, at small strain.
+    fn turns(&self) -> bool {
+        self.corotational != 0 && self.hyperelastic.is_none()
+    }
+
+    /// Change of the forces of cells that turn from `f`, at displacements `at`, over a step with their rotations, `[node]` N.
+    fn change_with_rotations(&self, model: &Model, solved: &Solved, at: &[V4<f64>], f: &[V4<f64>]) -> Vec<V4<f64>> {
+        let (params, elastic_at) = (model.params::<f64>(), model.step.elastic_at());
+        let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
+        let end = Snapshot { u: at.iter().zip(&solved.dx).map(moved).collect(), ..solved.start.clone() };
+        let rotation = self.rotations(model, &end);
+        let (shapes, blocks) = (model.shapes::<f64>(), model.stiffness_blocks::<f64>());
+        let (layers, pre_strains, mut change) = (&model.grid.layer_of, model.pre_strains(), vec![[0.0; 4]; f.len()]);
+        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, &end.split, &end.u, &rotation, &mut change);
+        change.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
+        change
+    }
 }
 
 impl Mechanics for Hexahedra {
@@ -358,7 +376,8 @@ impl Mechanics for Hexahedra {
     }
 
     fn linearised(&self, model: &Model) -> bool {
-        self.hyperelastic.as_ref().is_some_and(|law| !law.newton) && !model.step.explicit()
+        let linearised = self.hyperelastic.as_ref().map_or(self.corotational != 0, |law| !law.newton);
+        linearised && !model.step.explicit()
     }
 
     fn forces_and_product(
@@ -374,6 +393,7 @@ impl Mechanics for Hexahedra {
         let (layers, split) = (&model.grid.layer_of, &solved.start.split);
         let of_law = |law: &&Hyperelastic| law.newton || solved.equations != Equations::Linearised;
         let newton = self.hyperelastic.as_ref().filter(of_law);
+        let turns = self.turns() && solved.equations == Equations::Law;
         // the stiffening belongs to the linearisation
         let stiffened = newton.is_none_or(|law| !law.newton && solved.equations == Equations::InFull);
         let rotation = self.linearisation(model, &solved.start, stiffened);
@@ -387,7 +407,7 @@ impl Mechanics for Hexahedra {
         }
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
-        if newton.is_some() {
+        if newton.is_some() || turns {
             params.stiffness_factor -= model.step.elastic_at();
         }
         let modes = model.modes();
@@ -397,9 +417,12 @@ impl Mechanics for Hexahedra {
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
         }
-        // change of hyperelastic forces over a step of Newton's method
-        if let Some(law) = newton {
-            let change = law.of_shares(&solved.start.shares).change(model, solved, &alive, &f);
+        // change of the law's forces over the step
+        let change = match newton {
+            Some(law) => Some(law.of_shares(&solved.start.shares).change(model, solved, &alive, &f)),
+            None => turns.then(|| self.change_with_rotations(model, solved, at, &f)),
+        };
+        if let Some(change) = change {
             for ((sum, more), dofs) in w.iter_mut().zip(&change).zip(&solved.start.dofs) {
                 (0..3).for_each(|n| sum[n] += more[n] * dofs[n]);
             }

@@ -23,8 +23,9 @@ use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
-/// Most row updates of a contact solve, which bounds a step's time: 4 ms for 36 rows and 50 ms for 192 on one core. 99 % of the solves of
-/// incision_shapes.toml take less than 7,300, the hardest of perturbed ones 400,000, 64 points with friction on 25 nodes 250,000.
+/// Most row updates of a contact solve with up to [`ROWS`] rows, which bounds a step's time: 4 ms for 36 rows and 50 ms for 192 on one core.
+/// 99 % of the solves of incision_shapes.toml take less than 7,300, the hardest of perturbed ones 400,000, 64 points with friction on 25
+/// nodes 250,000.
 const ROW_UPDATES: u64 = 400_000;
 /// Most row updates of a step's solves, twice that of one. Beyond them each try of one has [`UPDATES_WITH_MARGIN`].
 const STEP_UPDATES: u64 = 2 * ROW_UPDATES;
@@ -42,6 +43,14 @@ const INNER_SHARE: f64 = 0.1;
 /// Deflection of the hand's spring, 3000 N/m, under the force of a press, 0.3 N; in m. The tolerance is relative to it: at 1e-3 a pass may
 /// leave 0.1 µm or 0.3 mN, about a hundredth of the just noticeable difference of such a force (7 %, Pang, Tan, Durlach 1991).
 const PRESS: f64 = 1e-4;
+
+/// Rows above which a solve gets as many multiplications as with this number, and so fewer row updates.
+const ROWS: usize = 192;
+
+/// Row updates of a budget, which is for up to [`ROWS`] rows, that a problem of some rows gets.
+fn fitting(updates: u64, rows: usize) -> u64 {
+    updates * ROWS as u64 / rows.max(ROWS) as u64
+}
 
 /// Share of the previous pass's residual above which a pass is slow: the compliance has aged too much.
 const SLOW: f64 = 0.5;
@@ -163,8 +172,8 @@ impl Problem<'_> {
     /// start requires, and a body at rest has none.
     pub(super) fn predict(&mut self, found: &[f64], costs: &mut Costs) {
         let clock = Instant::now();
-        let effort =
-            Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates: PREDICTION_UPDATES };
+        let updates = fitting(PREDICTION_UPDATES, self.included.len());
+        let effort = Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates };
         let without_force = self.without_force(found, &self.included);
         let mut predicted = self.included.clone();
         let ended = solve(&self.laws, &self.w, &without_force, &mut predicted, &effort);
@@ -181,9 +190,11 @@ impl Problem<'_> {
     fn solve(&self, without_force: &[f64], lambda: &mut [f64], costs: &mut Costs) -> bool {
         let clock = Instant::now();
         let imperceptible = self.loose_tolerance(1.0);
+        let [of_step, of_solve, with_margin] =
+            [STEP_UPDATES, ROW_UPDATES, UPDATES_WITH_MARGIN].map(|updates| fitting(updates, lambda.len()));
         // whether a solve within a number of row updates met a tolerance or cannot be felt, what it left in energy, and its updates
         let mut within = |loose, updates: u64, lambda: &mut [f64]| {
-            let updates = updates.min(STEP_UPDATES.saturating_sub(costs.row_updates).max(UPDATES_WITH_MARGIN));
+            let updates = updates.min(of_step.saturating_sub(costs.row_updates).max(with_margin));
             let ended =
                 solve(&self.laws, &self.w, without_force, lambda, &Effort { tolerance: TOLERANCE, loose, updates });
             costs.row_updates += ended.updates;
@@ -192,11 +203,11 @@ impl Problem<'_> {
         };
         // with the margin, then without it from the forces that are left
         let mut ends = |lambda: &mut [f64]| {
-            let (met, left, spent) = within(self.loose_tolerance(INNER_SHARE), UPDATES_WITH_MARGIN, lambda);
+            let (met, left, spent) = within(self.loose_tolerance(INNER_SHARE), with_margin, lambda);
             if met {
                 return (met, left);
             }
-            let (met, left, _) = within(imperceptible, ROW_UPDATES.saturating_sub(spent), lambda);
+            let (met, left, _) = within(imperceptible, of_solve.saturating_sub(spent), lambda);
             (met, left)
         };
         let (mut solved, left) = ends(lambda);

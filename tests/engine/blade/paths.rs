@@ -284,7 +284,7 @@ impl Case {
 
     /// What is wrong with a run.
     ///
-    /// Links severed are judged against those on the path at rest: of straight cuts within 10 %. A wild path drags skin along, and cuts it
+    /// Links severed are judged against those on the path at rest: of straight cuts, and those right through, within 10 %. A wild path drags skin along, and cuts it
     /// elsewhere than it crosses it at rest: of 150 of [`Kind::Any`] eight were off by more than 10 %, by up to a third, so that half and one and
     /// a half times the path's are allowed, and links that had no nodes left for them count as severed. The flap of a piece that hangs by its
     /// last side gives way as much, so its links are not judged, nor whether it parts (9 of 12 did); a piece that has parted must fall.
@@ -317,13 +317,14 @@ impl Case {
             Kind::Straight | Kind::Crossing | Kind::Again | Kind::Thrown => links(0.1, 0),
             Kind::Any | Kind::NonFinite => links(0.5, refused),
             Kind::Through if pieces < 2 => faults.push(format!("one piece, {severed} links severed")),
+            Kind::Through => links(0.1, refused),
             Kind::Piece if pieces > 1 => {
                 let risen = report.probes.get(RISEN).copied().unwrap_or(f64::NAN);
                 if risen > -THICK || risen.is_nan() {
                     faults.push(format!("{pieces} pieces, but the middle has risen by {:.3} mm", 1e3 * risen));
                 }
             }
-            Kind::Through | Kind::Piece => {}
+            Kind::Piece => {}
         }
         faults
     }

@@ -164,6 +164,7 @@ pub fn mends(message: &str, file: &str) -> Result<(), String> {
         "move",
         "name",
         "put",
+        "raise",
         "record",
         "remove",
         "rename",

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 /// Scenes of two cells a side with what no shipped scene has; in no folder.
-const OWN: [&str; 4] = [MOONEY_RIVLIN, FIBRES, BALANCE, EXPLICIT];
+const OWN: [&str; 5] = [MOONEY_RIVLIN, FIBRES, BALANCE, EXPLICIT, PROBED];
 
 const MOONEY_RIVLIN: &str = r#"title = "Mooney–Rivlin under a pressure, by the midpoint rule"
 [time]
@@ -161,6 +161,51 @@ centre_mm = [0.0, 0.0, 2.0]
 radius_mm = 1.5
 "##;
 
+const PROBED: &str = r#"title = "A sphere on skin, with probes of both"
+[time]
+step_ms = 5.0
+duration_s = 0.05
+[skin]
+size_mm = [4.0, 4.0]
+cells = [2, 2]
+[[skin.layer]]
+name = "dermis"
+thickness_mm = 2.0
+cells = 2
+young_kpa = 100.0
+poisson = 0.45
+density_kg_m3 = 1100.0
+[[boundary]]
+region = "bottom_core"
+margin_mm = 0.5
+[[boundary]]
+region = "side_y_max"
+[[tool]]
+name = "finger"
+mass_g = 20.0
+inertia_g_mm2 = [80.0, 80.0, 80.0]
+path_mm = [[0.0, 0.0, 0.0, 3.01], [0.05, 0.1, 0.0, 2.9]]
+[tool.round]
+radius_mm = 1.0
+points_mm = [[0.0, 0.0, 0.0]]
+[tool.coupling]
+stiffness_n_m = 2000.0
+damping_n_s_m = 5.0
+angular_stiffness_n_m_rad = 3.0
+angular_damping_n_m_s_rad = 0.01
+[contact]
+friction = 0.3
+[[probe]]
+name = "pressure"
+kind = "pressure"
+region = "top"
+[[probe]]
+name = "spin"
+kind = "spin"
+body = "finger"
+axis = "x"
+"#;
+
 /// The scenes that are changed: folder and text of the shipped ones, then [`OWN`].
 static SCENES: LazyLock<Vec<(PathBuf, String)>> = LazyLock::new(|| {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
@@ -294,20 +339,28 @@ fn own_scenes_run_as_they_stand() {
 fn untried(lines: &[String]) -> Vec<String> {
     let begun = |key: &str| lines.iter().any(|line| line.starts_with(&format!("{key} = ")));
     let named = |word: &str| lines.iter().any(|line| line.contains(&format!(" = \"{word}\"")));
-    let tables = ["[time]", "[[skin.layer]] and [[block.layer]]", "[[load]]"];
-    let keys = scene::keys::keys().into_iter().filter(|key| tables.contains(&key.table.replace('`', "").as_str()));
-    let keys: Vec<&str> = keys.map(|key| key.name).collect();
+    let tables = ["[time]", "[[skin.layer]] and [[block.layer]]", "[[load]]", "[[probe]]"];
+    let all = scene::keys::keys();
+    let of = |key: &scene::keys::Key| key.table.replace('`', "");
+    let keys: Vec<&str> = all.iter().filter(|key| tables.contains(&of(key).as_str())).map(|key| key.name).collect();
+    // kinds of probes and regions
+    let choices = [("[[probe]]", "kind"), ("[[boundary]]", "region")];
+    let choices = all.iter().filter(|key| choices.contains(&(of(key).as_str(), key.name)));
+    let choices = choices.flat_map(|key| key.range.split('"').skip(1).step_by(2).map(|word| (key.name, word)));
+    let unchosen = choices.filter(|(key, word)| !lines.contains(&format!("{key} = \"{word}\"")));
     assert!(keys.contains(&"follower") && keys.contains(&"langer_deg") && keys.contains(&"substeps"), "{keys:?}");
     let words = INTEGRATORS.iter().map(|(word, _)| *word).chain(MATERIALS.iter().map(|(word, _)| *word));
     let missing = keys.into_iter().filter(|key| !begun(key)).chain(words.filter(|word| !named(word)));
-    missing.map(String::from).collect()
+    missing.chain(unchosen.map(|(_, word)| word)).map(String::from).collect()
 }
 
 #[test]
-fn every_load_layer_law_and_integrator_is_tried() {
+fn every_load_layer_law_integrator_probe_and_region_is_tried() {
     assert_eq!(untried(&LINES), [""; 0], "scenes with these go into OWN");
     let without: Vec<String> = LINES.iter().filter(|line| !line.contains("follower")).cloned().collect();
     assert_eq!(untried(&without), ["follower"], "the counter-test");
+    let without: Vec<String> = LINES.iter().filter(|line| !line.contains("\"spin\"")).cloned().collect();
+    assert_eq!(untried(&without), ["spin"], "the counter-test");
 }
 
 #[test]
