@@ -4,8 +4,8 @@
 //! apart, each once. For a point `p`, the nearest point `a` of the tool's axis and the radius R: `n = (a − p)/|a − p|`, gap
 //! `n·(a − p) − R`, negative if the point is inside the tool. A small tool would sink between the points where triangles are longer than R:
 //! there each locally nearest point of the faces is a contact too, so both sides of a fold. Larger tools sink by at most 3 % of R; more
-//! points for them as well were tried and dropped (forces at rest changed by 1 to 3 % from step to step). A tool of [`FLAT`] edges' length or
-//! more has the corners alone: between them it reaches into a face by at most a 16,000th of its radius.
+//! points for them as well were tried and dropped (forces at rest changed by 1 to 3 % from step to step). A tool of a radius of 1,000 edges
+//! or more, nearly a plane, has the corners alone: between them it reaches into a face by at most an 8,000th of an edge.
 //!
 //! Faces are flat; skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) lies above the chords between its nodes by
 //! `s = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), in the mean by `s̄ = κ/24 Σ L_ij²`. Chords between nodes on the
@@ -74,7 +74,7 @@ const MEAN_SHARE: f64 = 0.5;
 const OVERLAP: f64 = 0.05;
 
 /// Lengths of an edge, to the radius, above which its midpoint is no contact. A sphere of 1 m on 400 faces has 441 contacts for 1,681.
-const FLAT: f64 = 50.0;
+const FLAT: f64 = 1e3;
 
 /// The tool's axis at the start of the step, with its motion.
 struct Sweep {

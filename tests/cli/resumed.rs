@@ -264,9 +264,9 @@ fn a_damaged_checkpoint_is_refused() -> Outcome {
     for at in [28, 36, whole.len() / 3, whole.len() - 1] {
         with(&changed(at), "is damaged")?;
     }
-    with(&changed(16), "is of a newer program (format 28; this one reads 12)")?;
+    with(&changed(16), "is of a newer program (format 29; this one reads 13)")?;
     let mut older = whole.clone();
     older[16] = 0;
-    with(&older, "is of an older program (format 0; this one reads 12)")?;
+    with(&older, "is of an older program (format 0; this one reads 13)")?;
     Ok(())
 }

@@ -456,3 +456,32 @@ fn a_tool_that_is_dragged_over_a_held_edge_is_not_thrown() {
         assert!(felt > 0.5, "{tool}: {felt} N: the edge is not met");
     }
 }
+
+/// Contacts and force of a sphere of so many cells' width that is pressed into the whole patch by 0.1 mm.
+fn pressed_by_a_large_sphere(cells: f64) -> (usize, f64) {
+    let mut scene = scene("hard/press_deep.toml");
+    scene.skins[0].cells = [6, 6];
+    scene.contact.as_mut().expect("it has contact").max_contacts = 400;
+    let radius = cells * scene.skins[0].size[0] / 6.0;
+    let top = scene.skins[0].layers.iter().map(|layer| layer.thickness).sum::<f64>();
+    let tool = &mut scene.tools[0];
+    tool.round.as_mut().expect("it is round").radius = radius;
+    tool.coupling.stiffness = 1e6;
+    let pose =
+        |time: f64, down: f64| Pose { time, position: [0.0, 0.0, top + radius - down], rotation: [0.0, 0.0, 0.0, 1.0] };
+    tool.trajectory = vec![pose(0.0, -1e-5), pose(0.05, 1e-4)];
+    let (_, reports) = run(&scene, Some(20));
+    (reports.last().map_or(0, |report| report.contact.count()), last(&reports))
+}
+
+#[test]
+fn nearly_a_plane_touches_the_corners_of_faces_alone_and_feels_the_same() {
+    let [points, edges, corners] = [999.0, 1001.0, 1415.0].map(pressed_by_a_large_sphere);
+    assert_eq!((points.0, corners.0), (49 + 84 + 36, 49), "{points:?} {corners:?}");
+    assert_eq!(edges.0, 49 + 36, "without midpoints of edges, with those of diagonals");
+    for other in [edges, corners] {
+        assert!((other.1 / points.1 - 1.0).abs() < 1e-2, "{other:?} {points:?}");
+    }
+    let smaller = pressed_by_a_large_sphere(100.0);
+    assert!(smaller.1 < 0.9 * points.1, "the counter-test: the radius is felt, {smaller:?} {points:?}");
+}
