@@ -100,7 +100,7 @@ pub(super) const OPEN: [&str; 2] = ["contact_not_converged", "contact_passes_exh
 /// What may bring a static step with these warnings, in f32 (`single`) or f64, into balance.
 pub(super) fn mends_balance(warnings: &Warnings, single: bool) -> &'static str {
     if warnings.contains_key("contacts_dropped") {
-        "raise max_contacts of [contact], which has had contacts dropped"
+        "take a larger max_contacts of [contact], which has had contacts dropped"
     } else if OPEN.iter().any(|name| warnings.contains_key(name)) {
         "its contact is still open: raise max_passes of [contact], or hold what slides or turns away"
     } else if single {

@@ -164,7 +164,6 @@ pub fn mends(message: &str, file: &str) -> Result<(), String> {
         "move",
         "name",
         "put",
-        "raise",
         "record",
         "remove",
         "rename",
